@@ -1,0 +1,1 @@
+//! Lightmap atlas: unwrapping, coverage, reference points.
