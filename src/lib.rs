@@ -4,5 +4,7 @@
 
 pub mod domain;
 pub mod error;
+pub mod gather;
 pub mod manifest;
 pub mod scene;
+pub mod trace;

@@ -1,6 +1,7 @@
 //! Where baked values live: reference points on the scene's surfaces, and the entry cells of light.
 
 pub mod atlas;
+pub mod cells;
 
 use glam::{Vec2, Vec3};
 

@@ -1,7 +1,9 @@
 //! A scene as transport needs it: flat triangles in metres, `+Y` up, with materials and roles.
 //! No type of a loader crosses this border.
 
+pub mod environment;
 pub mod material;
+pub mod surface;
 
 use glam::{DVec3, Vec2, Vec3};
 use lightkiln_format::lighting::Light;

@@ -1,0 +1,271 @@
+//! Light sources as the path tracer samples them.
+
+use super::sampler;
+use super::{Ray, Tracer};
+use crate::scene::Scene;
+use crate::scene::environment::Environment;
+use crate::scene::surface::Facet;
+use glam::{DVec3, Vec2, Vec3};
+use lightkiln_format::lighting::Light;
+
+/// Everything that emits: lamps, emissive triangles, sky.
+pub struct Emitters<'a> {
+    lamps: Vec<Lamp>,
+    surfaces: Option<EmissiveSurfaces>,
+    environment: Option<&'a Environment>,
+}
+
+/// A lamp in local coordinates.
+enum Lamp {
+    Point { position: Vec3, intensity: Vec3, radius: f32 },
+    Spot { position: Vec3, axis: Vec3, intensity: Vec3, cones: [f32; 2], radius: f32 },
+    Directional { towards: Vec3, irradiance: Vec3 },
+    Rectangle { centre: Vec3, half_u: Vec3, half_v: Vec3, radiance: Vec3 },
+}
+
+/// Emissive triangles with a cumulative distribution by power.
+struct EmissiveSurfaces {
+    triangles: Vec<u32>,
+    /// Running sum of selection probabilities; the last is 1.
+    cumulative: Vec<f64>,
+    /// Density per m² on each scene triangle; zero where nothing is emitted.
+    density: Vec<f32>,
+}
+
+/// Light arriving along a segment, before visibility: one candidate of next-event estimation.
+#[derive(Debug, Clone, Copy)]
+pub struct Incident {
+    /// Shadow ray; unoccluded means lit.
+    pub ray: Ray,
+    /// Contribution to the irradiance estimate, W/m², linear RGB.
+    pub irradiance: Vec3,
+}
+
+/// A point that light falls on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Receiver {
+    /// Position lifted off its surface, metres, local.
+    pub position: Vec3,
+    /// Unit normal of the cosine.
+    pub normal: Vec3,
+    /// Unit geometric normal: nothing arrives from below it.
+    pub geometric_normal: Vec3,
+    /// Triangle it lies on, or `NO_TRIANGLE`.
+    pub triangle: u32,
+}
+
+impl Receiver {
+    /// Cosine factor for unit direction `w`; zero from below either normal.
+    #[inline]
+    fn cosine(&self, w: Vec3) -> f32 {
+        if self.geometric_normal.dot(w) > 0.0 { self.normal.dot(w).max(0.0) } else { 0.0 }
+    }
+}
+
+impl<'a> Emitters<'a> {
+    /// Collects lamps (world space), the scene's emissive triangles if `surfaces`, and a sky.
+    pub fn new(
+        scene: &Scene,
+        lights: &[Light],
+        surfaces: bool,
+        environment: Option<&'a Environment>,
+    ) -> Self {
+        let lamps = lights.iter().map(|light| Lamp::of(scene, light)).collect();
+        let surfaces = if surfaces { EmissiveSurfaces::of(scene) } else { None };
+        Self { lamps, surfaces, environment }
+    }
+
+    /// Lamps alone: what moves at run time.
+    pub fn lamps(scene: &Scene, lights: &[Light]) -> Self {
+        Self::new(scene, lights, false, None)
+    }
+
+    /// Appends one shadow ray and its unoccluded contribution per light source that can reach `at`.
+    /// `random`: four numbers for emissive surfaces and rectangles, then sky.
+    #[inline]
+    pub fn incident(&self, tracer: &Tracer, at: &Receiver, random: [f32; 4], out: &mut Vec<Incident>) {
+        for lamp in &self.lamps {
+            out.extend(lamp.incident(at, random));
+        }
+        if let Some(surfaces) = &self.surfaces {
+            out.extend(surfaces.incident(tracer, at, random));
+        }
+        if let Some(sky) = self.environment {
+            let sample = sky.sample(Vec2::new(random[2], random[3]));
+            let cosine = at.cosine(sample.direction);
+            if cosine > 0.0 && sample.pdf > 0.0 {
+                // Balance heuristic against the cosine-distributed ray.
+                let weight = sample.pdf / (sample.pdf + cosine * std::f32::consts::FRAC_1_PI);
+                out.push(Incident {
+                    ray: Ray::new(at.position, sample.direction, at.triangle),
+                    irradiance: sample.radiance * (cosine * weight / sample.pdf),
+                });
+            }
+        }
+    }
+
+    /// Radiance met by a cosine-distributed ray that escaped, times its MIS weight.
+    pub fn escaped(&self, direction: Vec3, cosine_pdf: f32) -> Vec3 {
+        self.environment.map_or(Vec3::ZERO, |sky| {
+            sky.radiance(direction) * (cosine_pdf / (cosine_pdf + sky.pdf(direction)))
+        })
+    }
+
+    /// Radiance emitted towards a cosine-distributed ray that hit `triangle`, times its MIS weight.
+    pub fn emitted(&self, tracer: &Tracer, ray: &Ray, hit: &super::Hit, cosine_pdf: f32) -> Vec3 {
+        let Some(surfaces) = &self.surfaces else { return Vec3::ZERO };
+        let density = surfaces.density[hit.triangle as usize];
+        let facet = tracer.facet(hit.triangle);
+        let toward = -facet.normal.dot(ray.direction);
+        if toward <= 0.0 && !facet.double_sided() {
+            return Vec3::ZERO;
+        }
+        let scene = tracer.scene();
+        let radiance = scene
+            .material_of(hit.triangle)
+            .emission(&scene.textures, scene.uv_at(hit.triangle, hit.u, hit.v));
+        // `ray.direction` has unit length, so `t` is the distance.
+        let light_pdf = density * hit.t * hit.t / toward.abs();
+        radiance * (cosine_pdf / (cosine_pdf + light_pdf))
+    }
+}
+
+impl Lamp {
+    fn of(scene: &Scene, light: &Light) -> Self {
+        match *light {
+            Light::Point { position, intensity, radius } => {
+                Self::Point { position: scene.to_local(position), intensity, radius }
+            }
+            Light::Spot { position, direction, intensity, inner_cone, outer_cone, radius } => {
+                Self::Spot {
+                    position: scene.to_local(position),
+                    axis: direction.normalize(),
+                    intensity,
+                    cones: [inner_cone.cos(), outer_cone.cos()],
+                    radius,
+                }
+            }
+            Light::Directional { direction, irradiance } => {
+                Self::Directional { towards: -direction.normalize(), irradiance }
+            }
+            Light::Rectangle { position, half_u, half_v, radiance } => {
+                Self::Rectangle { centre: scene.to_local(position), half_u, half_v, radiance }
+            }
+        }
+    }
+
+    fn incident(&self, at: &Receiver, random: [f32; 4]) -> Option<Incident> {
+        let (target, irradiance) = match *self {
+            Self::Point { position, intensity, radius } => {
+                let (w, falloff) = falloff(at, position, radius);
+                (position, intensity * (falloff * at.cosine(w)))
+            }
+            Self::Spot { position, axis, intensity, cones: [inner, outer], radius } => {
+                let (w, falloff) = falloff(at, position, radius);
+                let fade = ((-axis.dot(w) - outer) / (inner - outer)).clamp(0.0, 1.0);
+                (position, intensity * (falloff * at.cosine(w) * fade * fade))
+            }
+            Self::Directional { towards, irradiance } => {
+                let irradiance = irradiance * at.cosine(towards);
+                let ray = Ray::new(at.position, towards, at.triangle);
+                return (irradiance.max_element() > 0.0).then_some(Incident { ray, irradiance });
+            }
+            Self::Rectangle { centre, half_u, half_v, radiance } => {
+                let point = centre
+                    + half_u * (2.0 * random[0] - 1.0)
+                    + half_v * (2.0 * random[1] - 1.0);
+                let to = point - at.position;
+                let d2 = to.length_squared();
+                let w = to / d2.sqrt();
+                let area_normal = half_u.cross(half_v) * 4.0;
+                let toward = (-area_normal.dot(w)).max(0.0);
+                (point, radiance * (at.cosine(w) * toward / d2))
+            }
+        };
+        (irradiance.max_element() > 0.0 && irradiance.is_finite()).then(|| Incident {
+            ray: Ray::segment(at.position, target, at.triangle),
+            irradiance,
+        })
+    }
+}
+
+/// Unit direction to a lamp and `1 / max(d², radius²)` (dossier 5.8).
+#[inline]
+fn falloff(at: &Receiver, lamp: Vec3, radius: f32) -> (Vec3, f32) {
+    let to = lamp - at.position;
+    let d2 = to.length_squared();
+    (to / d2.sqrt(), 1.0 / d2.max(radius * radius))
+}
+
+impl EmissiveSurfaces {
+    fn of(scene: &Scene) -> Option<Self> {
+        let mut triangles = Vec::new();
+        let mut power = Vec::new();
+        let mut density = vec![0.0; scene.triangles.len()];
+        for t in 0..scene.triangles.len() as u32 {
+            let material = scene.material_of(t);
+            if !material.emits() || !scene.role_of(t).blocks_light() {
+                continue;
+            }
+            // Mean emission from a fixed 4x4 pattern: it only steers the sampling.
+            let mean: DVec3 = (0..16)
+                .map(|i| {
+                    let (u, v) = ((i % 4) as f32 + 0.5, (i / 4) as f32 + 0.5);
+                    let (u, v) = sampler::triangle(u / 4.0, v / 4.0);
+                    material.emission(&scene.textures, scene.uv_at(t, u, v)).as_dvec3()
+                })
+                .sum();
+            let weight = mean.element_sum() * Facet::of(scene, t).area();
+            if weight > 0.0 {
+                triangles.push(t);
+                power.push(weight);
+            }
+        }
+        let total: f64 = power.iter().sum();
+        if total <= 0.0 {
+            return None;
+        }
+        let mut cumulative = Vec::with_capacity(power.len());
+        let mut sum = 0.0;
+        for (&t, &p) in triangles.iter().zip(&power) {
+            sum += p;
+            cumulative.push(sum / total);
+            density[t as usize] = (p / total / Facet::of(scene, t).area()) as f32;
+        }
+        Some(Self { triangles, cumulative, density })
+    }
+
+    fn incident(&self, tracer: &Tracer, at: &Receiver, random: [f32; 4]) -> Option<Incident> {
+        let pick = f64::from(random[0]);
+        let k = self.cumulative.partition_point(|&c| c <= pick).min(self.triangles.len() - 1);
+        let low = if k == 0 { 0.0 } else { self.cumulative[k - 1] };
+        let rescaled = ((pick - low) / (self.cumulative[k] - low)).clamp(0.0, 1.0) as f32;
+        let triangle = self.triangles[k];
+        let (u, v) = sampler::triangle(rescaled, random[1]);
+        let facet = tracer.facet(triangle);
+        let [a, b, c] = facet.corners();
+        let point = a * (1.0 - u - v) + b * u + c * v;
+        let front = facet.normal.dot(at.position - point) > 0.0;
+        if triangle == at.triangle || (!front && !facet.double_sided()) {
+            return None;
+        }
+        let target = facet.lifted(u, v, front);
+        let to = target - at.position;
+        let d2 = to.length_squared();
+        let w = to / d2.sqrt();
+        let cosine = at.cosine(w);
+        let toward = facet.normal.dot(w).abs();
+        if cosine <= 0.0 || toward <= 0.0 {
+            return None;
+        }
+        let pdf = self.density[triangle as usize] * d2 / toward;
+        let weight = pdf / (pdf + cosine * std::f32::consts::FRAC_1_PI);
+        let scene = tracer.scene();
+        let radiance =
+            scene.material_of(triangle).emission(&scene.textures, scene.uv_at(triangle, u, v));
+        Some(Incident {
+            ray: Ray::segment(at.position, target, at.triangle),
+            irradiance: radiance * (cosine * weight / pdf),
+        })
+    }
+}
