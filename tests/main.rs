@@ -1,6 +1,12 @@
 //! One test binary; this file is its table of contents.
 
+/// Closed forms: form factors, furnaces, the integrating sphere.
+mod analytic;
 /// Lightmap atlas: coverage, charts, determinism.
 mod atlas;
 /// Loading glTF and OBJ, manifests, materials, refusals.
 mod scene;
+/// Scenes built in memory.
+mod shapes;
+/// Rays: no leaks, no self-hits, masks, agreement with brute force.
+mod tracing;

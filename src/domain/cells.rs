@@ -8,7 +8,7 @@
 //! as its samples show, points hidden from each other (leaves are split until they see each other).
 
 use crate::scene::Scene;
-use crate::scene::surface::{Facet, SurfacePoint};
+use crate::scene::surface::{Facet, SurfacePoint, Surfaces};
 use glam::{DVec3, Vec3};
 
 /// Samples drawn for each cell: enough that sixteen strata of it are even to a few percent.
@@ -64,7 +64,9 @@ const LEAF: u32 = 6;
 type Key = [f32; 6];
 
 fn key(position: Vec3, normal: Vec3) -> Key {
-    [position.x, position.y, position.z, normal.x, normal.y, normal.z]
+    [
+        position.x, position.y, position.z, normal.x, normal.y, normal.z,
+    ]
 }
 
 /// Which of six directions a normal is closest to: `+x -x +y -y +z -z`.
@@ -88,7 +90,8 @@ impl Cells {
     #[inline]
     pub fn find(&self, point: &SurfacePoint) -> u32 {
         let key = key(point.position, point.normal);
-        let mut node = &self.nodes[self.start[point.triangle as usize][usize::from(!point.front)] as usize];
+        let mut node =
+            &self.nodes[self.start[point.triangle as usize][usize::from(!point.front)] as usize];
         while node.axis != LEAF {
             let right = key[node.axis as usize] > node.threshold;
             node = &self.nodes[(node.child + u32::from(right)) as usize];
@@ -97,10 +100,8 @@ impl Cells {
     }
 
     /// Builds the cells of all surfaces that face light: fronts, and backs of double-sided ones.
-    pub fn build(scene: &Scene, options: &CellOptions, sight: Sight) -> Self {
-        let facets: Vec<Facet> =
-            (0..scene.triangles.len() as u32).map(|t| Facet::of(scene, t)).collect();
-        let (samples, area) = draw_samples(scene, &facets, options);
+    pub fn build(scene: &Scene, surfaces: &Surfaces, options: &CellOptions, sight: Sight) -> Self {
+        let (samples, area) = draw_samples(scene, surfaces, options);
         if samples.is_empty() {
             return Self::default();
         }
@@ -118,31 +119,52 @@ impl Cells {
         for (i, sample) in samples.iter().enumerate() {
             members[side(sample.normal)].push(i as u32);
         }
-        tree.nodes.resize(6, Node { threshold: 0.0, axis: LEAF, child: 0 });
+        tree.nodes.resize(
+            6,
+            Node {
+                threshold: 0.0,
+                axis: LEAF,
+                child: 0,
+            },
+        );
         for (root, mut members) in members.into_iter().enumerate() {
             if !members.is_empty() {
                 tree.grow(root, &mut members);
             }
         }
-        let Builder { nodes, leaves, hidden, .. } = tree;
-        let mut cells = Self { nodes, hidden_pairs: hidden, ..Self::default() };
+        let Builder {
+            nodes,
+            leaves,
+            hidden,
+            ..
+        } = tree;
+        let mut cells = Self {
+            nodes,
+            hidden_pairs: hidden,
+            ..Self::default()
+        };
         cells.first_entry.push(0);
         cells.first_sample.push(0);
         for leaf in &leaves {
             let points: Vec<SurfacePoint> = leaf.iter().map(|&i| samples[i as usize]).collect();
-            pick_entries(points.clone(), options.entries_per_cell as usize, &mut cells.entries);
+            pick_entries(
+                points.clone(),
+                options.entries_per_cell as usize,
+                &mut cells.entries,
+            );
             cells.samples.extend(points);
             cells.first_entry.push(cells.entries.len() as u32);
             cells.first_sample.push(cells.samples.len() as u32);
         }
-        cells.start = (0..facets.len())
-            .map(|t| [cells.deepest(&facets[t], true), cells.deepest(&facets[t], false)])
+        let (lift, triangles) = (surfaces.lift(), 0..scene.triangles.len() as u32);
+        cells.start = triangles
+            .map(|t| [true, false].map(|front| cells.deepest(surfaces.facet(t), front, lift)))
             .collect();
         cells
     }
 
     /// Deepest node whose region contains a whole triangle: hits on it start there.
-    fn deepest(&self, facet: &Facet, front: bool) -> u32 {
+    fn deepest(&self, facet: &Facet, front: bool, lift: f32) -> u32 {
         let normal = if front { facet.normal } else { -facet.normal };
         let corners = facet.corners();
         let mut index = side(normal) as u32;
@@ -151,19 +173,10 @@ impl Cells {
             if node.axis == LEAF {
                 return index;
             }
-            // Hit positions lie inside the triangle but for the lift off it, which is below the
-            // spacing of the corners' own coordinates times a small factor; a triangle that comes
-            // that near to the plane is left to the descent.
+            // Hits lie inside the triangle but for the lift off it and less than that in rounding.
             let axis = node.axis as usize;
-            let margin = |x: f32| x.abs() * 32.0 * f32::EPSILON;
-            let above = |c: &Vec3| {
-                let x = key(*c, normal)[axis];
-                x - node.threshold > margin(x)
-            };
-            let below = |c: &Vec3| {
-                let x = key(*c, normal)[axis];
-                node.threshold - x > margin(x)
-            };
+            let above = |c: &Vec3| key(*c, normal)[axis] - node.threshold > 2.0 * lift;
+            let below = |c: &Vec3| node.threshold - key(*c, normal)[axis] > 2.0 * lift;
             let exact = node.axis >= 3;
             index = if exact {
                 node.child + u32::from(key(corners[0], normal)[axis] > node.threshold)
@@ -180,14 +193,19 @@ impl Cells {
 
 /// Area-proportional samples over all reflecting sides, systematic over triangles and Sobol within
 /// each; and the total area of these sides, m².
-fn draw_samples(scene: &Scene, facets: &[Facet], options: &CellOptions) -> (Vec<SurfacePoint>, f64) {
+fn draw_samples(
+    scene: &Scene,
+    surfaces: &Surfaces,
+    options: &CellOptions,
+) -> (Vec<SurfacePoint>, f64) {
     let mut sides: Vec<(u32, bool, f64)> = Vec::new();
-    for (t, facet) in facets.iter().enumerate() {
-        if scene.role_of(t as u32).blocks_light() {
+    for t in 0..scene.triangles.len() as u32 {
+        let facet = surfaces.facet(t);
+        if scene.role_of(t).blocks_light() {
             let area = facet.area();
-            sides.push((t as u32, true, area));
+            sides.push((t, true, area));
             if facet.double_sided() {
-                sides.push((t as u32, false, area));
+                sides.push((t, false, area));
             }
         }
     }
@@ -200,14 +218,14 @@ fn draw_samples(scene: &Scene, facets: &[Facet], options: &CellOptions) -> (Vec<
         before += side_area;
         // Samples up to the end of this side: the integer part of its share of the running sum.
         let upto = ((before / area) * total as f64 + 0.5).floor() as u64;
-        let facet = &facets[triangle as usize];
+        let facet = surfaces.facet(triangle);
         let direction = side(if front { facet.normal } else { -facet.normal });
         let count = upto.saturating_sub(drawn).max(u64::from(!seen[direction]));
         seen[direction] = true;
         drawn = drawn.max(upto);
         for i in 0..count {
             let (u, v) = lattice(i, count);
-            samples.push(facet.point(scene, triangle, u, v, front));
+            samples.push(surfaces.point(scene, triangle, u, v, front));
         }
     }
     (samples, area)
@@ -219,7 +237,11 @@ fn lattice(i: u64, n: u64) -> (f32, f32) {
     let x = (i as f64 + 0.5) / n as f64;
     let y = ((i as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
     let (x, y) = (x as f32, y as f32);
-    if y > x { (x * 0.5, y - x * 0.5) } else { (x - y * 0.5, y * 0.5) }
+    if y > x {
+        (x * 0.5, y - x * 0.5)
+    } else {
+        (x - y * 0.5, y * 0.5)
+    }
 }
 
 struct Builder<'a> {
@@ -244,10 +266,17 @@ impl Builder<'_> {
     fn grow(&mut self, node: usize, members: &mut [u32]) {
         // Halving reaches sizes between n/sqrt(2) and n sqrt(2) around the aim.
         let small = members.len() * members.len() <= 2 * self.leaf_samples * self.leaf_samples;
-        let split = if small { self.split_by_sight(members) } else { self.median(members) };
+        let split = if small {
+            self.split_by_sight(members)
+        } else {
+            self.median(members)
+        };
         let Some((axis, threshold)) = split else {
-            self.nodes[node] =
-                Node { threshold: 0.0, axis: LEAF, child: self.leaves.len() as u32 };
+            self.nodes[node] = Node {
+                threshold: 0.0,
+                axis: LEAF,
+                child: self.leaves.len() as u32,
+            };
             self.leaves.push(members.to_vec());
             return;
         };
@@ -256,9 +285,17 @@ impl Builder<'_> {
         members.sort_unstable_by(|i, j| at(i).total_cmp(&at(j)).then(i.cmp(j)));
         let middle = members.partition_point(|i| at(i) <= threshold);
         let child = self.nodes.len();
-        let blank = Node { threshold: 0.0, axis: LEAF, child: 0 };
+        let blank = Node {
+            threshold: 0.0,
+            axis: LEAF,
+            child: 0,
+        };
         self.nodes.extend([blank, blank]);
-        self.nodes[node] = Node { threshold, axis: axis as u32, child: child as u32 };
+        self.nodes[node] = Node {
+            threshold,
+            axis: axis as u32,
+            child: child as u32,
+        };
         let (left, right) = members.split_at_mut(middle);
         self.grow(child, left);
         self.grow(child + 1, right);
@@ -306,17 +343,30 @@ impl Builder<'_> {
         let centre: DVec3 =
             points.iter().map(|p| p.position.as_dvec3()).sum::<DVec3>() / points.len() as f64;
         let distance = |p: &SurfacePoint| p.position.as_dvec3().distance_squared(centre);
-        let middle =
-            (0..points.len()).min_by(|&i, &j| distance(points[i]).total_cmp(&distance(points[j])))?;
+        let middle = (0..points.len())
+            .min_by(|&i, &j| distance(points[i]).total_cmp(&distance(points[j])))?;
         // Lift both ends by a quarter of the leaf's width, so that a curved surface does not hide
         // its own neighbours; in a narrow gap only as far as there is room.
         let extents = self.extents(members);
         let lift = 0.25 * extents[..3].iter().fold(0.0_f32, |a, &b| a.max(b));
-        let raised: Vec<Vec3> = points.iter().map(|p| p.position + p.normal * lift).collect();
-        let room: Vec<_> = points.iter().zip(&raised).map(|(p, &r)| (p.position, r)).collect();
+        let raised: Vec<Vec3> = points
+            .iter()
+            .map(|p| p.position + p.normal * lift)
+            .collect();
+        let room: Vec<_> = points
+            .iter()
+            .zip(&raised)
+            .map(|(p, &r)| (p.position, r))
+            .collect();
         let free = (self.sight)(&room);
         let ends: Vec<Vec3> = (0..points.len())
-            .map(|i| if free[i] { raised[i] } else { points[i].position })
+            .map(|i| {
+                if free[i] {
+                    raised[i]
+                } else {
+                    points[i].position
+                }
+            })
             .collect();
         let pairs: Vec<_> = ends.iter().map(|&e| (ends[middle], e)).collect();
         let mut seen = (self.sight)(&pairs);
@@ -338,8 +388,11 @@ impl Builder<'_> {
         let yes = seen.iter().filter(|&&s| s).count() as f64;
         let mut best = (impurity(total, yes) * 0.999, None);
         for axis in 0..3 {
-            let mut order: Vec<(f32, bool)> =
-                tested.iter().zip(seen).map(|(&i, &s)| (self.key(i)[axis], s)).collect();
+            let mut order: Vec<(f32, bool)> = tested
+                .iter()
+                .zip(seen)
+                .map(|(&i, &s)| (self.key(i)[axis], s))
+                .collect();
             order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let mut below = 0.0;
             for i in 0..order.len() - 1 {
@@ -369,9 +422,11 @@ fn pick_entries(mut points: Vec<SurfacePoint>, count: usize, out: &mut Vec<Surfa
         out.extend(nearest);
         return;
     }
-    let (low, high) = points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| {
-        (l.min(p.position), h.max(p.position))
-    });
+    let (low, high) = points
+        .iter()
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| {
+            (l.min(p.position), h.max(p.position))
+        });
     let axis = (high - low).max_position();
     points.sort_by(|a, b| a.position[axis].total_cmp(&b.position[axis]));
     let left_count = count / 2;

@@ -70,7 +70,10 @@ impl<A: Sink, B: Sink> Sink for (A, B) {
         self.1.record(&mut state.1, lane, bounce, vertices);
     }
     fn finish(&self, state: Self::State, samples: u32) -> Self::Output {
-        (self.0.finish(state.0, samples), self.1.finish(state.1, samples))
+        (
+            self.0.finish(state.0, samples),
+            self.1.finish(state.1, samples),
+        )
     }
 }
 
@@ -162,8 +165,13 @@ impl Wavefront {
             let [u, v, spare @ ..] = sampler::sobol(index, 0, seed);
             let direction = sampler::cosine(receiver.normal, u, v);
             if receiver.geometric_normal.dot(direction) > 0.0 {
-                self.rays.push(Ray::new(receiver.position, direction, receiver.triangle));
-                self.walks.push(Walk { index, weight: Vec3::ONE, spare });
+                self.rays
+                    .push(Ray::new(receiver.position, direction, receiver.triangle));
+                self.walks.push(Walk {
+                    index,
+                    weight: Vec3::ONE,
+                    spare,
+                });
             }
         }
         for bounce in 0..options.bounces {
@@ -182,7 +190,11 @@ impl Wavefront {
                 let mut walk = self.walks[i];
                 let point = tracer.surface(&self.rays[i], &hit);
                 walk.weight *= point.albedo;
-                self.vertices.push(Vertex { point, weight: walk.weight, last });
+                self.vertices.push(Vertex {
+                    point,
+                    weight: walk.weight,
+                    last,
+                });
                 let strength = walk.weight.max_element();
                 if last || strength <= 0.0 {
                     continue;
@@ -197,8 +209,7 @@ impl Wavefront {
                 let [u, v] = if bounce % 2 == 0 {
                     walk.spare
                 } else {
-                    let [u, v, spare @ ..] =
-                        sampler::sobol(walk.index, bounce.div_ceil(2), seed);
+                    let [u, v, spare @ ..] = sampler::sobol(walk.index, bounce.div_ceil(2), seed);
                     walk.spare = spare;
                     [u, v]
                 };
@@ -237,13 +248,15 @@ impl Sink for BackFaces<'_> {
     }
     fn record(&self, state: &mut Vec<u32>, lane: usize, bounce: u32, vertices: &[Vertex]) {
         if bounce == 0 {
-            let behind = |v: &&Vertex| {
-                !v.point.front && !self.tracer.facet(v.point.triangle).double_sided()
-            };
+            let behind =
+                |v: &&Vertex| !v.point.front && !self.tracer.facet(v.point.triangle).double_sided();
             state[lane] = vertices.iter().filter(behind).count() as u32;
         }
     }
     fn finish(&self, state: Vec<u32>, samples: u32) -> Vec<f32> {
-        state.into_iter().map(|n| n as f32 / samples as f32).collect()
+        state
+            .into_iter()
+            .map(|n| n as f32 / samples as f32)
+            .collect()
     }
 }

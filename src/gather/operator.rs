@@ -40,7 +40,8 @@ pub fn continuation(
     let rows: Option<Vec<Vec<[f64; 3]>>> = (0..n)
         .into_par_iter()
         .map(|cell| {
-            (!progress.cancel.load(Ordering::Relaxed)).then(|| row(tracer, cells, cell, seed, progress))
+            (!progress.cancel.load(Ordering::Relaxed))
+                .then(|| row(tracer, cells, cell, seed, progress))
         })
         .collect();
     let rows = rows?;
@@ -59,7 +60,11 @@ pub fn continuation(
         for i in 0..n {
             for j in 0..n {
                 let rest = (full[(i, j)] - transfer[(i, j)] - product[(i, j)]).abs();
-                residual = if rest.is_finite() { residual.max(rest) } else { f64::INFINITY };
+                residual = if rest.is_finite() {
+                    residual.max(rest)
+                } else {
+                    f64::INFINITY
+                };
             }
         }
         let mut flat = Vec::with_capacity(n * n);
@@ -68,11 +73,22 @@ pub fn continuation(
         }
         flat
     });
-    Some(Continuation { cells: n, channels, residual, largest_row_sum })
+    Some(Continuation {
+        cells: n,
+        channels,
+        residual,
+        largest_row_sum,
+    })
 }
 
 /// One row of `T`.
-fn row(tracer: &Tracer, cells: &Cells, cell: usize, seed: u32, progress: &Progress) -> Vec<[f64; 3]> {
+fn row(
+    tracer: &Tracer,
+    cells: &Cells,
+    cell: usize,
+    seed: u32,
+    progress: &Progress,
+) -> Vec<[f64; 3]> {
     let range = cells.first_sample[cell] as usize..cells.first_sample[cell + 1] as usize;
     let samples = &cells.samples[range];
     let mut rays = Vec::with_capacity(samples.len() * RAYS_PER_SAMPLE as usize);
@@ -86,7 +102,9 @@ fn row(tracer: &Tracer, cells: &Cells, cell: usize, seed: u32, progress: &Progre
     }
     let mut hits = vec![Hit::MISS; rays.len()];
     tracer.closest(&rays, &mut hits);
-    progress.rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
+    progress
+        .rays
+        .fetch_add(rays.len() as u64, Ordering::Relaxed);
     let mut row = vec![[0.0; 3]; cells.len()];
     let share = 1.0 / rays.len() as f64;
     for (ray, hit) in rays.iter().zip(&hits).filter(|(_, h)| h.is_hit()) {

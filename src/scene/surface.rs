@@ -4,12 +4,17 @@
 use super::Scene;
 use glam::{DVec3, Vec3};
 
-/// gamma(7) of pbrt (3rd ed., 3.9.5): bound of the relative rounding error of a barycentric sum.
-const GAMMA_7: f32 = 7.0 * 0.5 * f32::EPSILON / (1.0 - 7.0 * 0.5 * f32::EPSILON);
+/// Distance by which points are lifted off their surface, in units of the largest coordinate of the
+/// scene: 32 roundings (u = 2^-24). The position itself is good to gamma(7) (pbrt 3rd ed., 3.9.5);
+/// what decides is the plane of a coplanar neighbour, whose distance along a ray the triangle test
+/// finds with an error that grows with the neighbour's size, not with the point's coordinates. The
+/// worst-case bound of that test (pbrt 3.9.6) is 168 u; 32 u is ten times what is ever observed
+/// (`tests/tracing.rs` looks for one self-hit in a million grazing rays).
+const LIFT: f32 = 32.0 * 0.5 * f32::EPSILON;
 
-/// Points closer to an edge than this many rounding bounds are moved inward, so that they lie on
-/// the inner side of any surface that meets the triangle there at an angle above asin(1/16).
-const EDGE_BOUNDS: f32 = 16.0;
+/// Points nearer to an edge than this many lifts are moved inward: a lifted point then lies on the
+/// inner side of any surface that meets its triangle there at more than 30 degrees.
+const INSET_LIFTS: f32 = 2.0;
 
 /// Flag: the back side reflects.
 const DOUBLE_SIDED: u32 = 1;
@@ -78,46 +83,67 @@ impl Facet {
         let [a, b, c] = self.corners.map(Vec3::as_dvec3);
         (b - a).cross(c - a).length() * 0.5
     }
+}
 
-    /// Position at barycentric `(u, v)`, kept off the edges and lifted to the side of `front`, each
-    /// by the bound of its own rounding error.
-    #[inline]
-    pub fn lifted(&self, u: f32, v: f32, front: bool) -> Vec3 {
-        let [a, b, c] = self.corners;
-        let (mut b0, mut b1, mut b2) = (1.0 - u - v, u, v);
-        if b0.min(b1).min(b2) < 1.0 / 64.0 {
-            [b0, b1, b2] = self.inset([b0, b1, b2]);
+/// The shading records of a scene's triangles, and how far its points are lifted.
+#[derive(Debug, Clone)]
+pub struct Surfaces {
+    facets: Vec<Facet>,
+    lift: f32,
+}
+
+impl Surfaces {
+    /// Records of all triangles of `scene`.
+    pub fn of(scene: &Scene) -> Self {
+        let largest = scene
+            .positions
+            .iter()
+            .fold(0.0_f32, |m, p| m.max(p.abs().max_element()));
+        let facets = (0..scene.triangles.len() as u32)
+            .map(|t| Facet::of(scene, t))
+            .collect();
+        Self {
+            facets,
+            lift: largest * LIFT,
         }
-        let (pa, pb, pc) = (a * b0, b * b1, c * b2);
-        let bound = (pa.abs() + pb.abs() + pc.abs()) * GAMMA_7;
-        let side = if front { self.normal } else { -self.normal };
-        let lift = side * bound.dot(side.abs());
-        let p = pa + pb + pc + lift;
-        // At least one representable step, so that the sum cannot round back onto the plane.
-        let step = |x: f32, d: f32| {
-            if d > 0.0 {
-                x.next_up()
-            } else if d < 0.0 {
-                x.next_down()
-            } else {
-                x
-            }
-        };
-        Vec3::new(step(p.x, lift.x), step(p.y, lift.y), step(p.z, lift.z))
     }
 
-    /// Barycentric weights no nearer to an edge than [`EDGE_BOUNDS`] rounding bounds, or a third of
-    /// the height for a triangle smaller than that.
+    /// Record of a triangle.
+    #[inline]
+    pub fn facet(&self, triangle: u32) -> &Facet {
+        &self.facets[triangle as usize]
+    }
+
+    /// Distance by which points are lifted off their surface, metres.
+    pub fn lift(&self) -> f32 {
+        self.lift
+    }
+
+    /// Position at barycentric `(u, v)` of a triangle, kept off its edges and lifted to the side of
+    /// `front`, metres, local.
+    #[inline]
+    pub fn lifted(&self, triangle: u32, u: f32, v: f32, front: bool) -> Vec3 {
+        let facet = self.facet(triangle);
+        let [a, b, c] = facet.corners;
+        let mut weights = [1.0 - u - v, u, v];
+        if weights[0].min(u).min(v) < 1.0 / 64.0 {
+            weights = self.inset(facet, weights);
+        }
+        let lift = if front { self.lift } else { -self.lift };
+        a * weights[0] + b * weights[1] + c * weights[2] + facet.normal * lift
+    }
+
+    /// Barycentric weights no nearer to an edge than [`INSET_LIFTS`], or a third of the height for
+    /// a triangle smaller than that.
     #[cold]
-    fn inset(&self, weights: [f32; 3]) -> [f32; 3] {
-        let [a, b, c] = self.corners;
-        let reach = a.abs().max(b.abs()).max(c.abs()).max_element() * GAMMA_7 * EDGE_BOUNDS;
+    fn inset(&self, facet: &Facet, weights: [f32; 3]) -> [f32; 3] {
+        let [a, b, c] = facet.corners;
         let double_area = (b - a).cross(c - a).length();
         let edges = [(c - b).length(), (a - c).length(), (b - a).length()];
         let mut kept = [0.0; 3];
         for i in 0..3 {
-            let least = (reach * edges[i] / double_area).min(1.0 / 3.0);
-            kept[i] = weights[i].max(if least.is_finite() { least } else { 1.0 / 3.0 });
+            let least = self.lift * INSET_LIFTS * edges[i] / double_area;
+            kept[i] = weights[i].max(if least < 1.0 / 3.0 { least } else { 1.0 / 3.0 });
         }
         let sum: f32 = kept.iter().sum();
         kept.map(|w| w / sum)
@@ -125,24 +151,32 @@ impl Facet {
 
     /// The surface where a ray along `direction` hit `triangle` at barycentric `(u, v)`.
     #[inline]
-    pub fn at(&self, scene: &Scene, direction: Vec3, triangle: u32, u: f32, v: f32) -> SurfacePoint {
-        let front = self.normal.dot(direction) < 0.0;
+    pub fn hit(
+        &self,
+        scene: &Scene,
+        direction: Vec3,
+        triangle: u32,
+        u: f32,
+        v: f32,
+    ) -> SurfacePoint {
+        let front = self.facet(triangle).normal.dot(direction) < 0.0;
         self.point(scene, triangle, u, v, front)
     }
 
     /// The point at barycentric `(u, v)` of one side.
     #[inline]
     pub fn point(&self, scene: &Scene, triangle: u32, u: f32, v: f32, front: bool) -> SurfacePoint {
-        let albedo = if !front && !self.double_sided() {
+        let facet = self.facet(triangle);
+        let albedo = if !front && !facet.double_sided() {
             Vec3::ZERO
-        } else if self.flags & TEXTURED != 0 {
+        } else if facet.flags & TEXTURED != 0 {
             scene.albedo_at(triangle, u, v)
         } else {
-            self.albedo
+            facet.albedo
         };
         SurfacePoint {
-            position: self.lifted(u, v, front),
-            normal: if front { self.normal } else { -self.normal },
+            position: self.lifted(triangle, u, v, front),
+            normal: if front { facet.normal } else { -facet.normal },
             triangle,
             front,
             albedo,

@@ -56,7 +56,10 @@ impl Slabs {
     fn of(ray: &Ray) -> Self {
         // A zero component gives the largest finite inverse: the product with a distance of zero
         // is then zero, never NaN.
-        let inverse = ray.direction.recip().clamp(Vec3::splat(f32::MIN), Vec3::splat(f32::MAX));
+        let inverse = ray
+            .direction
+            .recip()
+            .clamp(Vec3::splat(f32::MIN), Vec3::splat(f32::MAX));
         Self {
             origin: ray.origin,
             inverse,
@@ -91,13 +94,20 @@ impl Accel {
             .filter(|&t| scene.role_of(t).blocks_light())
             .collect();
         if ids.is_empty() {
-            return Self { nodes: Vec::new(), blocks: Vec::new() };
+            return Self {
+                nodes: Vec::new(),
+                blocks: Vec::new(),
+            };
         }
         let triangles: Vec<BuildTriangle> = ids
             .iter()
             .map(|&t| {
                 let [a, b, c] = scene.corners(t).map(Into::into);
-                BuildTriangle { v0: a, v1: b, v2: c }
+                BuildTriangle {
+                    v0: a,
+                    v1: b,
+                    v2: c,
+                }
             })
             .collect();
         let mut params = match build {
@@ -107,7 +117,10 @@ impl Accel {
         params.pre_split = false;
         params.max_prims_per_leaf = 4;
         let bvh = build_bvh2_from_tris(&triangles, params, &mut Duration::default());
-        let mut accel = Self { nodes: Vec::new(), blocks: Vec::new() };
+        let mut accel = Self {
+            nodes: Vec::new(),
+            blocks: Vec::new(),
+        };
         let root = accel.collapse(scene, &ids, &bvh, 0);
         if root & LEAF != 0 {
             let aabb = bvh.nodes[0].aabb;
@@ -159,7 +172,10 @@ impl Accel {
                 self.blocks.push(Block::new(&lanes));
             }
             let count = self.blocks.len() as u32 - start;
-            assert!(count <= MAX_LEAF_BLOCKS && start < 1 << COUNT_SHIFT, "leaf fits its code");
+            assert!(
+                count <= MAX_LEAF_BLOCKS && start < 1 << COUNT_SHIFT,
+                "leaf fits its code"
+            );
             return LEAF | count << COUNT_SHIFT | start;
         }
         // Open the largest inner child until four are found.
@@ -194,11 +210,17 @@ impl Accel {
     /// Closest hit; `covers` decides about alpha-masked triangles.
     #[inline]
     pub fn closest(&self, ray: &Ray, covers: impl Fn(&Hit) -> bool) -> Hit {
-        let mut best = Hit { t: ray.limit, ..Hit::MISS };
+        let mut best = Hit {
+            t: ray.limit,
+            ..Hit::MISS
+        };
         self.walk(ray, |block, shear, limit| {
             block.intersect(shear, limit, |hit, masked| {
                 let nearer = hit.t < best.t || (hit.t == best.t && hit.triangle < best.triangle);
-                if nearer && hit.triangle != ray.skip && hit.t < ray.limit && (!masked || covers(&hit))
+                if nearer
+                    && hit.triangle != ray.skip
+                    && hit.t < ray.limit
+                    && (!masked || covers(&hit))
                 {
                     best = hit;
                 }
@@ -214,8 +236,7 @@ impl Accel {
         let mut blocked = false;
         self.walk(ray, |block, shear, limit| {
             block.intersect(shear, limit, |hit, masked| {
-                blocked |=
-                    hit.t < limit && hit.triangle != ray.skip && (!masked || covers(&hit));
+                blocked |= hit.t < limit && hit.triangle != ray.skip && (!masked || covers(&hit));
             });
             if blocked { None } else { Some(limit) }
         });

@@ -17,10 +17,28 @@ pub struct Emitters<'a> {
 
 /// A lamp in local coordinates.
 enum Lamp {
-    Point { position: Vec3, intensity: Vec3, radius: f32 },
-    Spot { position: Vec3, axis: Vec3, intensity: Vec3, cones: [f32; 2], radius: f32 },
-    Directional { towards: Vec3, irradiance: Vec3 },
-    Rectangle { centre: Vec3, half_u: Vec3, half_v: Vec3, radiance: Vec3 },
+    Point {
+        position: Vec3,
+        intensity: Vec3,
+        radius: f32,
+    },
+    Spot {
+        position: Vec3,
+        axis: Vec3,
+        intensity: Vec3,
+        cones: [f32; 2],
+        radius: f32,
+    },
+    Directional {
+        towards: Vec3,
+        irradiance: Vec3,
+    },
+    Rectangle {
+        centre: Vec3,
+        half_u: Vec3,
+        half_v: Vec3,
+        radiance: Vec3,
+    },
 }
 
 /// Emissive triangles with a cumulative distribution by power.
@@ -58,7 +76,11 @@ impl Receiver {
     /// Cosine factor for unit direction `w`; zero from below either normal.
     #[inline]
     fn cosine(&self, w: Vec3) -> f32 {
-        if self.geometric_normal.dot(w) > 0.0 { self.normal.dot(w).max(0.0) } else { 0.0 }
+        if self.geometric_normal.dot(w) > 0.0 {
+            self.normal.dot(w).max(0.0)
+        } else {
+            0.0
+        }
     }
 }
 
@@ -71,8 +93,16 @@ impl<'a> Emitters<'a> {
         environment: Option<&'a Environment>,
     ) -> Self {
         let lamps = lights.iter().map(|light| Lamp::of(scene, light)).collect();
-        let surfaces = if surfaces { EmissiveSurfaces::of(scene) } else { None };
-        Self { lamps, surfaces, environment }
+        let surfaces = if surfaces {
+            EmissiveSurfaces::of(scene)
+        } else {
+            None
+        };
+        Self {
+            lamps,
+            surfaces,
+            environment,
+        }
     }
 
     /// Lamps alone: what moves at run time.
@@ -83,7 +113,13 @@ impl<'a> Emitters<'a> {
     /// Appends one shadow ray and its unoccluded contribution per light source that can reach `at`.
     /// `random`: four numbers for emissive surfaces and rectangles, then sky.
     #[inline]
-    pub fn incident(&self, tracer: &Tracer, at: &Receiver, random: [f32; 4], out: &mut Vec<Incident>) {
+    pub fn incident(
+        &self,
+        tracer: &Tracer,
+        at: &Receiver,
+        random: [f32; 4],
+        out: &mut Vec<Incident>,
+    ) {
         for lamp in &self.lamps {
             out.extend(lamp.incident(at, random));
         }
@@ -113,7 +149,9 @@ impl<'a> Emitters<'a> {
 
     /// Radiance emitted towards a cosine-distributed ray that hit `triangle`, times its MIS weight.
     pub fn emitted(&self, tracer: &Tracer, ray: &Ray, hit: &super::Hit, cosine_pdf: f32) -> Vec3 {
-        let Some(surfaces) = &self.surfaces else { return Vec3::ZERO };
+        let Some(surfaces) = &self.surfaces else {
+            return Vec3::ZERO;
+        };
         let density = surfaces.density[hit.triangle as usize];
         let facet = tracer.facet(hit.triangle);
         let toward = -facet.normal.dot(ray.direction);
@@ -133,47 +171,87 @@ impl<'a> Emitters<'a> {
 impl Lamp {
     fn of(scene: &Scene, light: &Light) -> Self {
         match *light {
-            Light::Point { position, intensity, radius } => {
-                Self::Point { position: scene.to_local(position), intensity, radius }
-            }
-            Light::Spot { position, direction, intensity, inner_cone, outer_cone, radius } => {
-                Self::Spot {
-                    position: scene.to_local(position),
-                    axis: direction.normalize(),
-                    intensity,
-                    cones: [inner_cone.cos(), outer_cone.cos()],
-                    radius,
-                }
-            }
-            Light::Directional { direction, irradiance } => {
-                Self::Directional { towards: -direction.normalize(), irradiance }
-            }
-            Light::Rectangle { position, half_u, half_v, radiance } => {
-                Self::Rectangle { centre: scene.to_local(position), half_u, half_v, radiance }
-            }
+            Light::Point {
+                position,
+                intensity,
+                radius,
+            } => Self::Point {
+                position: scene.to_local(position),
+                intensity,
+                radius,
+            },
+            Light::Spot {
+                position,
+                direction,
+                intensity,
+                inner_cone,
+                outer_cone,
+                radius,
+            } => Self::Spot {
+                position: scene.to_local(position),
+                axis: direction.normalize(),
+                intensity,
+                cones: [inner_cone.cos(), outer_cone.cos()],
+                radius,
+            },
+            Light::Directional {
+                direction,
+                irradiance,
+            } => Self::Directional {
+                towards: -direction.normalize(),
+                irradiance,
+            },
+            Light::Rectangle {
+                position,
+                half_u,
+                half_v,
+                radiance,
+            } => Self::Rectangle {
+                centre: scene.to_local(position),
+                half_u,
+                half_v,
+                radiance,
+            },
         }
     }
 
     fn incident(&self, at: &Receiver, random: [f32; 4]) -> Option<Incident> {
         let (target, irradiance) = match *self {
-            Self::Point { position, intensity, radius } => {
+            Self::Point {
+                position,
+                intensity,
+                radius,
+            } => {
                 let (w, falloff) = falloff(at, position, radius);
                 (position, intensity * (falloff * at.cosine(w)))
             }
-            Self::Spot { position, axis, intensity, cones: [inner, outer], radius } => {
+            Self::Spot {
+                position,
+                axis,
+                intensity,
+                cones: [inner, outer],
+                radius,
+            } => {
                 let (w, falloff) = falloff(at, position, radius);
                 let fade = ((-axis.dot(w) - outer) / (inner - outer)).clamp(0.0, 1.0);
                 (position, intensity * (falloff * at.cosine(w) * fade * fade))
             }
-            Self::Directional { towards, irradiance } => {
+            Self::Directional {
+                towards,
+                irradiance,
+            } => {
                 let irradiance = irradiance * at.cosine(towards);
                 let ray = Ray::new(at.position, towards, at.triangle);
                 return (irradiance.max_element() > 0.0).then_some(Incident { ray, irradiance });
             }
-            Self::Rectangle { centre, half_u, half_v, radiance } => {
-                let point = centre
-                    + half_u * (2.0 * random[0] - 1.0)
-                    + half_v * (2.0 * random[1] - 1.0);
+            Self::Rectangle {
+                centre,
+                half_u,
+                half_v,
+                radiance,
+            } => {
+                let point =
+                    centre + half_u * (2.0 * random[0] - 1.0) + half_v * (2.0 * random[1] - 1.0);
                 let to = point - at.position;
                 let d2 = to.length_squared();
                 let w = to / d2.sqrt();
@@ -212,7 +290,9 @@ impl EmissiveSurfaces {
                 .map(|i| {
                     let (u, v) = ((i % 4) as f32 + 0.5, (i / 4) as f32 + 0.5);
                     let (u, v) = sampler::triangle(u / 4.0, v / 4.0);
-                    material.emission(&scene.textures, scene.uv_at(t, u, v)).as_dvec3()
+                    material
+                        .emission(&scene.textures, scene.uv_at(t, u, v))
+                        .as_dvec3()
                 })
                 .sum();
             let weight = mean.element_sum() * Facet::of(scene, t).area();
@@ -232,12 +312,19 @@ impl EmissiveSurfaces {
             cumulative.push(sum / total);
             density[t as usize] = (p / total / Facet::of(scene, t).area()) as f32;
         }
-        Some(Self { triangles, cumulative, density })
+        Some(Self {
+            triangles,
+            cumulative,
+            density,
+        })
     }
 
     fn incident(&self, tracer: &Tracer, at: &Receiver, random: [f32; 4]) -> Option<Incident> {
         let pick = f64::from(random[0]);
-        let k = self.cumulative.partition_point(|&c| c <= pick).min(self.triangles.len() - 1);
+        let k = self
+            .cumulative
+            .partition_point(|&c| c <= pick)
+            .min(self.triangles.len() - 1);
         let low = if k == 0 { 0.0 } else { self.cumulative[k - 1] };
         let rescaled = ((pick - low) / (self.cumulative[k] - low)).clamp(0.0, 1.0) as f32;
         let triangle = self.triangles[k];
@@ -249,7 +336,7 @@ impl EmissiveSurfaces {
         if triangle == at.triangle || (!front && !facet.double_sided()) {
             return None;
         }
-        let target = facet.lifted(u, v, front);
+        let target = tracer.surfaces().lifted(triangle, u, v, front);
         let to = target - at.position;
         let d2 = to.length_squared();
         let w = to / d2.sqrt();
@@ -261,8 +348,9 @@ impl EmissiveSurfaces {
         let pdf = self.density[triangle as usize] * d2 / toward;
         let weight = pdf / (pdf + cosine * std::f32::consts::FRAC_1_PI);
         let scene = tracer.scene();
-        let radiance =
-            scene.material_of(triangle).emission(&scene.textures, scene.uv_at(triangle, u, v));
+        let radiance = scene
+            .material_of(triangle)
+            .emission(&scene.textures, scene.uv_at(triangle, u, v));
         Some(Incident {
             ray: Ray::segment(at.position, target, at.triangle),
             irradiance: radiance * (cosine * weight / pdf),

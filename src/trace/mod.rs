@@ -9,11 +9,10 @@ pub mod triangle;
 pub mod visibility;
 
 use crate::scene::Scene;
-use crate::scene::surface::{Facet, SurfacePoint};
+use crate::scene::surface::{Facet, SurfacePoint, Surfaces};
 use accel::Accel;
 use glam::Vec3;
 use rayon::prelude::*;
-
 
 /// "No triangle": the value of [`Hit::triangle`] on a miss and of [`Ray::skip`] in free space.
 pub const NO_TRIANGLE: u32 = u32::MAX;
@@ -51,7 +50,12 @@ pub struct Hit {
 
 impl Hit {
     /// No hit.
-    pub const MISS: Self = Self { t: f32::INFINITY, triangle: NO_TRIANGLE, u: 0.0, v: 0.0 };
+    pub const MISS: Self = Self {
+        t: f32::INFINITY,
+        triangle: NO_TRIANGLE,
+        u: 0.0,
+        v: 0.0,
+    };
 
     /// Whether something was hit.
     #[inline]
@@ -64,14 +68,24 @@ impl Ray {
     /// A ray without end.
     #[inline]
     pub fn new(origin: Vec3, direction: Vec3, skip: u32) -> Self {
-        Self { origin, limit: f32::INFINITY, direction, skip }
+        Self {
+            origin,
+            limit: f32::INFINITY,
+            direction,
+            skip,
+        }
     }
 
     /// The segment between two points, both lifted off their surfaces: what lies strictly between
     /// them blocks.
     #[inline]
     pub fn segment(from: Vec3, to: Vec3, skip: u32) -> Self {
-        Self { origin: from, limit: 1.0, direction: to - from, skip }
+        Self {
+            origin: from,
+            limit: 1.0,
+            direction: to - from,
+            skip,
+        }
     }
 }
 
@@ -89,16 +103,18 @@ pub enum Build {
 pub struct Tracer<'s> {
     scene: &'s Scene,
     accel: Accel,
-    facets: Vec<Facet>,
+    surfaces: Surfaces,
 }
 
 impl<'s> Tracer<'s> {
     /// Builds the hierarchy over all triangles whose role blocks light.
     pub fn new(scene: &'s Scene, build: Build) -> Self {
         let accel = Accel::build(scene, build);
-        let facets =
-            (0..scene.triangles.len() as u32).into_par_iter().map(|t| Facet::of(scene, t)).collect();
-        Self { scene, accel, facets }
+        Self {
+            scene,
+            accel,
+            surfaces: Surfaces::of(scene),
+        }
     }
 
     /// The scene traced.
@@ -109,13 +125,19 @@ impl<'s> Tracer<'s> {
     /// Shading record of a triangle.
     #[inline]
     pub fn facet(&self, triangle: u32) -> &Facet {
-        &self.facets[triangle as usize]
+        self.surfaces.facet(triangle)
+    }
+
+    /// Shading records of all triangles.
+    pub fn surfaces(&self) -> &Surfaces {
+        &self.surfaces
     }
 
     /// The surface a ray hit, lifted to the side it came from.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
-        self.facet(hit.triangle).at(self.scene, ray.direction, hit.triangle, hit.u, hit.v)
+        self.surfaces
+            .hit(self.scene, ray.direction, hit.triangle, hit.u, hit.v)
     }
 
     /// Bytes of the hierarchy.
@@ -167,6 +189,8 @@ impl<'s> Tracer<'s> {
     /// Alpha mask at a hit of a masked triangle.
     fn covers(&self, hit: &Hit) -> bool {
         let uv = self.scene.uv_at(hit.triangle, hit.u, hit.v);
-        self.scene.material_of(hit.triangle).covers(&self.scene.textures, uv)
+        self.scene
+            .material_of(hit.triangle)
+            .covers(&self.scene.textures, uv)
     }
 }

@@ -39,7 +39,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { part: Part::Full, paths: 256, scrambles: 8, max_bounces: None, seed: 0 }
+        Self {
+            part: Part::Full,
+            paths: 256,
+            scrambles: 8,
+            max_bounces: None,
+            seed: 0,
+        }
     }
 }
 
@@ -60,11 +66,23 @@ pub fn irradiance(
     let estimate = |index: usize, receiver: &Receiver| {
         let point_seed = sampler::mix(options.seed, index as u32);
         let means: Vec<DVec3> = (0..options.scrambles)
-            .map(|s| scramble(tracer, emitters, receiver, options, sampler::mix(point_seed, s)))
+            .map(|s| {
+                scramble(
+                    tracer,
+                    emitters,
+                    receiver,
+                    options,
+                    sampler::mix(point_seed, s),
+                )
+            })
             .collect();
         Estimate::of(&means)
     };
-    receivers.par_iter().enumerate().map(|(i, r)| estimate(i, r)).collect()
+    receivers
+        .par_iter()
+        .enumerate()
+        .map(|(i, r)| estimate(i, r))
+        .collect()
 }
 
 /// A path being extended.
@@ -94,7 +112,11 @@ fn scramble(
         Part::Indirect => (false, true),
         Part::Full => (true, true),
     };
-    let most = if indirect { options.max_bounces.unwrap_or(u32::MAX) } else { 0 };
+    let most = if indirect {
+        options.max_bounces.unwrap_or(u32::MAX)
+    } else {
+        0
+    };
     for start in (0..options.paths).step_by(BATCH as usize) {
         walks.clear();
         for index in start..options.paths.min(start + BATCH) {
@@ -180,7 +202,10 @@ struct NextEvent {
 }
 
 impl NextEvent {
-    #[allow(clippy::too_many_arguments, reason = "the seven things a light sample depends on")]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "the seven things a light sample depends on"
+    )]
     fn add(
         &mut self,
         tracer: &Tracer,
@@ -205,7 +230,11 @@ impl NextEvent {
         self.blocked.clear();
         self.blocked.resize(self.rays.len(), false);
         tracer.occluded(&self.rays, &mut self.blocked);
-        let lit = self.incident.iter().zip(&self.blocked).filter(|(_, blocked)| !**blocked);
+        let lit = self
+            .incident
+            .iter()
+            .zip(&self.blocked)
+            .filter(|(_, blocked)| !**blocked);
         let sum = lit.map(|(i, _)| i.irradiance.as_dvec3()).sum();
         self.incident.clear();
         sum

@@ -11,7 +11,11 @@ pub const MAX_SAMPLES: u32 = 1 << 16;
 #[inline]
 pub fn sobol(index: u32, set: u32, seed: u32) -> [f32; 4] {
     let sets = sobol_burley::NUM_DIMENSION_SETS_4D;
-    let seed = if set < sets { seed } else { mix(seed, set / sets) };
+    let seed = if set < sets {
+        seed
+    } else {
+        mix(seed, set / sets)
+    };
     sobol_burley::sample_4d(index, set % sets, seed)
 }
 
@@ -54,8 +58,16 @@ pub fn cosine(n: Vec3, u: f32, v: f32) -> Vec3 {
     let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     let swap = b.abs() > a.abs();
     let (r, other) = if swap { (b, a) } else { (a, b) };
-    let (sin, cos) = sin_cos_octant(if r == 0.0 { 0.0 } else { FRAC_PI_4 * (other / r) });
-    let (x, y) = if swap { (r * sin, r * cos) } else { (r * cos, r * sin) };
+    let (sin, cos) = sin_cos_octant(if r == 0.0 {
+        0.0
+    } else {
+        FRAC_PI_4 * (other / r)
+    });
+    let (x, y) = if swap {
+        (r * sin, r * cos)
+    } else {
+        (r * cos, r * sin)
+    };
     let z = (1.0 - x * x - y * y).max(0.0).sqrt();
     let (t, s) = basis(n);
     t * x + s * y + n * z

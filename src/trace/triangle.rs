@@ -49,7 +49,11 @@ impl Shear {
         let along = ray.direction[z];
         Self {
             axes: [x, y, z],
-            shear: Vec3::new(ray.direction[x] / along, ray.direction[y] / along, 1.0 / along),
+            shear: Vec3::new(
+                ray.direction[x] / along,
+                ray.direction[y] / along,
+                1.0 / along,
+            ),
             origin: ray.origin,
         }
     }
@@ -58,7 +62,10 @@ impl Shear {
 impl Block {
     /// A block of up to four triangles: corner positions and ids.
     pub fn new(triangles: &[([Vec3; 3], u32)]) -> Self {
-        let mut block = Self { corners: [[Vec4::NAN; 3]; 3], ids: [u32::MAX; 4] };
+        let mut block = Self {
+            corners: [[Vec4::NAN; 3]; 3],
+            ids: [u32::MAX; 4],
+        };
         for (lane, (corners, id)) in triangles.iter().enumerate() {
             for (k, corner) in corners.iter().enumerate() {
                 for axis in 0..3 {
@@ -115,7 +122,15 @@ impl Block {
             lanes &= lanes - 1;
             let id = self.ids[i];
             let (u, v) = (v[i] * inv[i], w[i] * inv[i]);
-            report(Hit { t: t[i], triangle: id & !MASKED, u, v }, id & MASKED != 0);
+            report(
+                Hit {
+                    t: t[i],
+                    triangle: id & !MASKED,
+                    u,
+                    v,
+                },
+                id & MASKED != 0,
+            );
         }
     }
 }
