@@ -7,12 +7,12 @@
 pub mod operator;
 
 use crate::domain::ReferencePoint;
+use crate::progress::Progress;
 use crate::scene::surface::SurfacePoint;
 use crate::trace::emitters::Receiver;
 use crate::trace::{Hit, Ray, Tracer, sampler};
 use glam::Vec3;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Reference points a block.
 pub const BLOCK: usize = 64;
@@ -77,17 +77,6 @@ impl<A: Sink, B: Sink> Sink for (A, B) {
     }
 }
 
-/// Work done, shared with whoever shows progress; `cancel` stops at the next block.
-#[derive(Debug, Default)]
-pub struct Progress {
-    /// Blocks finished.
-    pub blocks: AtomicU64,
-    /// Rays traced.
-    pub rays: AtomicU64,
-    /// Set to stop.
-    pub cancel: AtomicBool,
-}
-
 /// Gathers over `points` in blocks of [`BLOCK`]; outputs in block order. `closest` traces a batch:
 /// the tracer's own, or one that also listens. Cancelled work returns `None`.
 pub fn gather<S: Sink>(
@@ -102,7 +91,7 @@ pub fn gather<S: Sink>(
         .par_chunks(BLOCK)
         .enumerate()
         .map_init(Wavefront::default, |wavefront, (block, points)| {
-            if progress.cancel.load(Ordering::Relaxed) {
+            if progress.cancelled() {
                 return None;
             }
             let mut state = sink.start(points.len());
@@ -113,8 +102,8 @@ pub fn gather<S: Sink>(
                     sink.record(&mut state, lane, b, v);
                 });
             }
-            progress.rays.fetch_add(rays, Ordering::Relaxed);
-            progress.blocks.fetch_add(1, Ordering::Relaxed);
+            progress.rays(rays);
+            progress.step(1);
             Some(sink.finish(state, options.samples))
         })
         .collect()

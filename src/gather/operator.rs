@@ -6,13 +6,12 @@
 //! to contribute `w (T + T² + ...) = w T (I - T)^-1` to the cells' responses.
 //! Approximation: within a cell the reflected light of these late bounces is taken as uniform.
 
-use super::Progress;
 use crate::domain::cells::Cells;
+use crate::progress::Progress;
 use crate::trace::{Hit, Ray, Tracer, sampler};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Par};
 use rayon::prelude::*;
-use std::sync::atomic::Ordering;
 
 /// Rays a cell: its 256 or so samples times this many.
 const RAYS_PER_SAMPLE: u32 = 16;
@@ -36,12 +35,17 @@ pub fn continuation(
     seed: u32,
     progress: &Progress,
 ) -> Option<Continuation> {
+    // One thread inside faer: its sums must not depend on how many there are.
+    faer::set_global_parallelism(Par::Seq);
     let n = cells.len();
     let rows: Option<Vec<Vec<[f64; 3]>>> = (0..n)
         .into_par_iter()
         .map(|cell| {
-            (!progress.cancel.load(Ordering::Relaxed))
-                .then(|| row(tracer, cells, cell, seed, progress))
+            (!progress.cancelled()).then(|| {
+                let row = row(tracer, cells, cell, seed, progress);
+                progress.step(1);
+                row
+            })
         })
         .collect();
     let rows = rows?;
@@ -102,9 +106,7 @@ fn row(
     }
     let mut hits = vec![Hit::MISS; rays.len()];
     tracer.closest(&rays, &mut hits);
-    progress
-        .rays
-        .fetch_add(rays.len() as u64, Ordering::Relaxed);
+    progress.rays(rays.len() as u64);
     let mut row = vec![[0.0; 3]; cells.len()];
     let share = 1.0 / rays.len() as f64;
     for (ray, hit) in rays.iter().zip(&hits).filter(|(_, h)| h.is_hit()) {
@@ -146,9 +148,4 @@ impl Continuation {
             }
         }
     }
-}
-
-/// Threads faer may use inside one call: none, so that sums are the same on any machine.
-pub fn sequential() {
-    faer::set_global_parallelism(Par::Seq);
 }
