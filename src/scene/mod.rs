@@ -2,6 +2,7 @@
 //! No type of a loader crosses this border.
 
 pub mod material;
+pub mod write;
 
 use glam::{DVec3, Vec2, Vec3};
 use lightkiln_format::lighting::Light;
