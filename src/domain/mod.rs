@@ -35,9 +35,12 @@ pub struct LightmapUvs {
     pub page_of: Vec<u16>,
     /// Coordinates of each triangle's corners within its page, in texels.
     pub corners: Vec<[Vec2; 3]>,
-    /// Chart of each triangle.
+    /// Chart of each triangle; `NO_CHART` where the triangle receives no lightmap.
     pub chart_of: Vec<u32>,
 }
 
 /// Page number of triangles without lightmap.
 pub const NO_PAGE: u16 = u16::MAX;
+
+/// Chart number of triangles without lightmap.
+pub const NO_CHART: u32 = u32::MAX;

@@ -4,6 +4,7 @@
 pub mod environment;
 pub mod material;
 pub mod surface;
+pub mod write;
 
 use glam::{DVec3, Vec2, Vec3};
 use lightkiln_format::lighting::Light;
