@@ -155,7 +155,11 @@ impl Lighting {
 }
 
 impl Light {
-    fn validate(&self, index: usize) -> Result<(), LightingError> {
+    /// Checks that every value of light number `index` is finite and in range.
+    ///
+    /// # Errors
+    /// [`LightingError::Value`] for the first offending field.
+    pub fn validate(&self, index: usize) -> Result<(), LightingError> {
         let bad = |field, problem: &str| {
             Err(LightingError::Value {
                 index,
