@@ -3,7 +3,56 @@
 pub mod atlas;
 pub mod cells;
 
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::scene::Scene;
+use atlas::AtlasOptions;
 use glam::{Vec2, Vec3};
+
+/// The lightmap domain of a scene: reference points and where their texels are.
+#[derive(Debug, Clone, Default)]
+pub struct Domain {
+    /// Lightmap coordinates of the triangles.
+    pub uvs: LightmapUvs,
+    /// Reference points, neighbours next to each other.
+    pub points: Vec<ReferencePoint>,
+    /// BLAKE3 over every point: what the domain is.
+    pub digest: [u8; 32],
+    /// Seed of everything sampled over the domain, from its digest.
+    pub seed: u32,
+}
+
+impl Domain {
+    /// Lays out the atlas of `scene` and places its reference points.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`], [`Error::Input`] where the atlas would be too large, or when nothing
+    /// in the scene receives a lightmap.
+    pub fn atlas(scene: &Scene, options: &AtlasOptions, progress: &Progress) -> Result<Self> {
+        progress.stage(&scene.name, "unwrapping", 1000);
+        let uvs = atlas::unwrap(scene, options, &|share| progress.share(share))?;
+        progress.stage(&scene.name, "placing reference points", 0);
+        let points = atlas::reference_points(scene, &uvs);
+        if points.is_empty() {
+            return Err(Error::input(
+                scene.name.as_ref(),
+                "instances",
+                "no triangle with the role `static`: nothing receives a lightmap",
+                "give at least one mesh the role `static` in [[scene.role]]",
+            ));
+        }
+        let mut hasher = blake3::Hasher::new();
+        for p in &points {
+            hasher.update(bytemuck::bytes_of(&p.position));
+            hasher.update(bytemuck::bytes_of(&p.normal));
+            hasher.update(&p.page.to_le_bytes());
+            hasher.update(bytemuck::bytes_of(&p.texel));
+        }
+        let digest = *hasher.finalize().as_bytes();
+        let seed = u32::from_le_bytes([digest[0], digest[1], digest[2], digest[3]]);
+        Ok(Self { uvs, points, digest, seed })
+    }
+}
 
 /// A point that receives light: one covered lightmap texel.
 #[derive(Debug, Clone, Copy, PartialEq)]
