@@ -81,7 +81,11 @@ impl Error {
 
     /// An [`Error::Io`].
     pub fn io(file: &Path, action: &'static str, source: std::io::Error) -> Self {
-        Self::Io { file: file.into(), action, source }
+        Self::Io {
+            file: file.into(),
+            action,
+            source,
+        }
     }
 
     /// What the user can do about it.

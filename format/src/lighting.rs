@@ -130,10 +130,14 @@ impl Lighting {
     /// # Errors
     /// [`LightingError`] names the file, the light and the field.
     pub fn read(path: &Path) -> Result<Self, LightingError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| LightingError::Io { path: path.into(), source })?;
-        let lighting: Self = toml::from_str(&text)
-            .map_err(|e| LightingError::Toml { path: path.into(), message: e.to_string() })?;
+        let text = std::fs::read_to_string(path).map_err(|source| LightingError::Io {
+            path: path.into(),
+            source,
+        })?;
+        let lighting: Self = toml::from_str(&text).map_err(|e| LightingError::Toml {
+            path: path.into(),
+            message: e.to_string(),
+        })?;
         lighting.validate()?;
         Ok(lighting)
     }
@@ -153,12 +157,20 @@ impl Lighting {
 impl Light {
     fn validate(&self, index: usize) -> Result<(), LightingError> {
         let bad = |field, problem: &str| {
-            Err(LightingError::Value { index, field, problem: problem.into() })
+            Err(LightingError::Value {
+                index,
+                field,
+                problem: problem.into(),
+            })
         };
         let power_ok = |v: Vec3| v.is_finite() && v.min_element() >= 0.0;
         let unit = |v: Vec3| v.is_finite() && v.length_squared() > 0.0;
         match *self {
-            Self::Point { position, intensity, radius } => {
+            Self::Point {
+                position,
+                intensity,
+                radius,
+            } => {
                 if !position.is_finite() {
                     return bad("position", "is not finite; give three numbers in metres");
                 }
@@ -169,7 +181,14 @@ impl Light {
                     return bad("radius", "must be finite and not negative (metres)");
                 }
             }
-            Self::Spot { position, direction, intensity, inner_cone, outer_cone, radius } => {
+            Self::Spot {
+                position,
+                direction,
+                intensity,
+                inner_cone,
+                outer_cone,
+                radius,
+            } => {
                 if !position.is_finite() {
                     return bad("position", "is not finite; give three numbers in metres");
                 }
@@ -180,13 +199,19 @@ impl Light {
                     return bad("intensity", "must be finite and not negative (W/sr)");
                 }
                 if !(0.0 <= inner_cone && inner_cone < outer_cone && outer_cone <= 3.2) {
-                    return bad("outer_cone", "needs 0 <= inner_cone < outer_cone <= pi (radians)");
+                    return bad(
+                        "outer_cone",
+                        "needs 0 <= inner_cone < outer_cone <= pi (radians)",
+                    );
                 }
                 if !(radius.is_finite() && radius >= 0.0) {
                     return bad("radius", "must be finite and not negative (metres)");
                 }
             }
-            Self::Directional { direction, irradiance } => {
+            Self::Directional {
+                direction,
+                irradiance,
+            } => {
                 if !unit(direction) {
                     return bad("direction", "must be a finite, non-zero vector");
                 }
@@ -194,12 +219,20 @@ impl Light {
                     return bad("irradiance", "must be finite and not negative (W/m²)");
                 }
             }
-            Self::Rectangle { position, half_u, half_v, radiance } => {
+            Self::Rectangle {
+                position,
+                half_u,
+                half_v,
+                radiance,
+            } => {
                 if !position.is_finite() {
                     return bad("position", "is not finite; give three numbers in metres");
                 }
                 if !unit(half_u.cross(half_v)) {
-                    return bad("half_v", "must not be parallel to half_u, and both not zero");
+                    return bad(
+                        "half_v",
+                        "must not be parallel to half_u, and both not zero",
+                    );
                 }
                 if !power_ok(radiance) {
                     return bad("radiance", "must be finite and not negative (W/(m² sr))");

@@ -60,7 +60,10 @@ pub struct TextureRef {
 impl TextureRef {
     /// A texture without transform.
     pub fn new(texture: u32) -> Self {
-        Self { texture, transform: [Vec2::X, Vec2::Y, Vec2::ZERO] }
+        Self {
+            texture,
+            transform: [Vec2::X, Vec2::Y, Vec2::ZERO],
+        }
     }
 
     fn sample(&self, textures: &[Texture], uv: Vec2) -> Vec4 {
@@ -101,7 +104,11 @@ pub struct Texture {
 static SRGB_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|i| {
         let c = i as f64 / 255.0;
-        (if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
+        (if c <= 0.04045 {
+            c / 12.92
+        } else {
+            ((c + 0.055) / 1.055).powf(2.4)
+        }) as f32
     })
 });
 
@@ -136,13 +143,19 @@ impl Texture {
         top.lerp(bottom, f.y)
     }
 
-    fn decode(&self, [r, g, b, a]: [u8; 4]) -> Vec4 {
+    /// A texel as linear RGB and alpha, each in `[0, 1]`.
+    pub(super) fn decode(&self, [r, g, b, a]: [u8; 4]) -> Vec4 {
         let a = f32::from(a) / 255.0;
         if self.srgb {
             let lut = &*SRGB_TO_LINEAR;
             Vec4::new(lut[r as usize], lut[g as usize], lut[b as usize], a)
         } else {
-            Vec4::new(f32::from(r) / 255.0, f32::from(g) / 255.0, f32::from(b) / 255.0, a)
+            Vec4::new(
+                f32::from(r) / 255.0,
+                f32::from(g) / 255.0,
+                f32::from(b) / 255.0,
+                a,
+            )
         }
     }
 }
@@ -162,15 +175,23 @@ impl Material {
 
     /// Diffuse albedo at `uv` (linear RGB, dimensionless): `base_color * (1 - metallic)`.
     pub fn albedo(&self, textures: &[Texture], uv: Vec2) -> Vec3 {
-        let tint = self.base_color_texture.map_or(Vec3::ONE, |t| t.sample(textures, uv).truncate());
-        let metal = self.metallic_texture.map_or(1.0, |t| t.sample(textures, uv).z);
+        let tint = self
+            .base_color_texture
+            .map_or(Vec3::ONE, |t| t.sample(textures, uv).truncate());
+        let metal = self
+            .metallic_texture
+            .map_or(1.0, |t| t.sample(textures, uv).z);
         self.base_color * tint * (1.0 - self.metallic * metal)
     }
 
     /// Whether the surface is there at `uv`.
     pub fn covers(&self, textures: &[Texture], uv: Vec2) -> bool {
-        let Some(cutoff) = self.alpha_cutoff else { return true };
-        let texel = self.base_color_texture.map_or(1.0, |t| t.sample(textures, uv).w);
+        let Some(cutoff) = self.alpha_cutoff else {
+            return true;
+        };
+        let texel = self
+            .base_color_texture
+            .map_or(1.0, |t| t.sample(textures, uv).w);
         self.alpha * texel >= cutoff
     }
 
@@ -181,6 +202,9 @@ impl Material {
 
     /// Emitted radiance at `uv`, W/(m² sr), linear RGB.
     pub fn emission(&self, textures: &[Texture], uv: Vec2) -> Vec3 {
-        self.emissive * self.emissive_texture.map_or(Vec3::ONE, |t| t.sample(textures, uv).truncate())
+        self.emissive
+            * self
+                .emissive_texture
+                .map_or(Vec3::ONE, |t| t.sample(textures, uv).truncate())
     }
 }

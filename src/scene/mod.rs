@@ -1,7 +1,20 @@
 //! A scene as transport needs it: flat triangles in metres, `+Y` up, with materials and roles.
 //! No type of a loader crosses this border.
 
+mod assemble;
+pub mod environment;
+mod gltf;
+mod loaded;
 pub mod material;
+mod normals;
+mod obj;
+mod overrides;
+mod resource;
+mod texture;
+
+pub use assemble::{load, load_file};
+pub use loaded::MAX_ELEMENTS;
+pub use texture::{MAX_SCENE_TEXELS, MAX_TEXTURE_SIDE};
 
 use glam::{DVec3, Vec2, Vec3};
 use lightkiln_format::lighting::Light;
@@ -70,7 +83,7 @@ pub struct Instance {
 }
 
 /// What the baker does with an instance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
     /// Blocks and reflects light, receives a lightmap.
@@ -137,16 +150,26 @@ pub struct Finding {
 
 impl Bounds {
     /// Bounds that contain nothing.
-    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+    pub const EMPTY: Self = Self {
+        min: Vec3::INFINITY,
+        max: Vec3::NEG_INFINITY,
+    };
 
     /// Smallest bounds around `points`.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
-        points.into_iter().fold(Self::EMPTY, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
+        points.into_iter().fold(Self::EMPTY, |b, p| Self {
+            min: b.min.min(p),
+            max: b.max.max(p),
+        })
     }
 
     /// Length of the diagonal, metres; zero when empty.
     pub fn diagonal(&self) -> f32 {
-        if self.min.x <= self.max.x { (self.max - self.min).length() } else { 0.0 }
+        if self.min.x <= self.max.x {
+            (self.max - self.min).length()
+        } else {
+            0.0
+        }
     }
 }
 
@@ -154,7 +177,9 @@ impl Scene {
     /// Corner positions of a triangle, metres, local.
     #[inline]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
-        self.triangles[triangle as usize].vertices.map(|v| self.positions[v as usize])
+        self.triangles[triangle as usize]
+            .vertices
+            .map(|v| self.positions[v as usize])
     }
 
     /// Twice the area times the unit geometric normal of a triangle, m².
@@ -179,7 +204,9 @@ impl Scene {
     /// Texture coordinates at barycentric `(u, v)`: `(1-u-v) c0 + u c1 + v c2`.
     #[inline]
     pub fn uv_at(&self, triangle: u32, u: f32, v: f32) -> Vec2 {
-        let [a, b, c] = self.triangles[triangle as usize].vertices.map(|i| self.uvs[i as usize]);
+        let [a, b, c] = self.triangles[triangle as usize]
+            .vertices
+            .map(|i| self.uvs[i as usize]);
         a * (1.0 - u - v) + b * u + c * v
     }
 
