@@ -35,6 +35,9 @@ pub const VERSION: u32 = 1;
 pub const LANES: usize = 64;
 /// Half floats in a row: red, green and blue of each lane.
 pub const ROW: usize = 3 * LANES;
+/// Marks a reference point that lies inside a wall: its responses are zero and its texel is filled
+/// from another point.
+pub const UNSOUND: u16 = 1;
 /// Longest side of a page, texels: what current GPUs allow in a 2D texture.
 pub const MAX_PAGE_SIDE: u32 = 16_384;
 /// Most texels in all pages; bounds what a hostile file can make a reader allocate.
@@ -58,8 +61,8 @@ pub struct Prm {
     /// `C + 1` prefix sums: the entry points of cell `c` are
     /// `cell_entries[c]..cell_entries[c + 1]`, at least one.
     pub cell_entries: Vec<u32>,
-    /// `P` reference points: page, x, y, 0. [`LANES`] consecutive ones form a block; the last may
-    /// be short.
+    /// `P` reference points: page, x, y, and 0 or [`UNSOUND`]. [`LANES`] consecutive ones form a
+    /// block; the last may be short.
     pub point_texel: Vec<[u16; 4]>,
     /// `B + 1` prefix sums, `B = ⌈P / LANES⌉`: the rows of block `b` are
     /// `block_rows[b]..block_rows[b + 1]`.
@@ -199,16 +202,19 @@ impl Prm {
         let mut written = Vec::with_capacity(self.point_texel.len() + self.fill.len());
         for (i, texel) in self.point_texel.iter().enumerate() {
             let place = point_place(texel);
-            if outside(place) || texel[3] != 0 {
-                let problem = format!("{texel:?} is not page, x, y, 0 inside a page");
+            if outside(place) || texel[3] > UNSOUND {
+                let problem = format!("{texel:?} is not page, x, y, 0 or 1 inside a page");
                 return Err(InvalidArray::new("point_texel", i, problem));
             }
-            written.push((place, "point_texel", i));
+            if texel[3] != UNSOUND {
+                written.push((place, "point_texel", i));
+            }
         }
         for (i, &[page, x, y, source]) in self.fill.iter().enumerate() {
-            if outside([page, x, y]) || source as usize >= self.point_texel.len() {
+            let sound = self.point_texel.get(source as usize).is_some_and(|p| p[3] != UNSOUND);
+            if outside([page, x, y]) || !sound {
                 let problem = format!(
-                    "{:?} is not page, x, y inside a page and a point below {}",
+                    "{:?} is not page, x, y inside a page and a sound point below {}",
                     self.fill[i],
                     self.point_texel.len()
                 );

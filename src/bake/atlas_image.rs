@@ -105,7 +105,7 @@ pub fn read_points(files: &[std::path::PathBuf], prm: &Prm) -> Result<Vec<[Vec3;
 }
 
 fn copy(
-    image: &FlatImage,
+    image: &Image<Layer<AnyChannels<FlatSamples>>>,
     name: &str,
     prm: &Prm,
     page: usize,

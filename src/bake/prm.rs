@@ -1,7 +1,7 @@
 //! Precomputed radiance maps (S4, dossier 5.3): gathers the response of every reference point to
 //! every entry cell and stores it as block x cell-list rows.
 
-use crate::domain::atlas::dilation::dilation;
+use crate::domain::atlas::dilation;
 use crate::domain::cells::{CellOptions, Cells};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use crate::progress::Progress;
 use crate::scene::{Finding, Scene};
 use crate::trace::{NO_TRIANGLE, Ray, Tracer};
 use half::f16;
-use lightkiln_format::prm::{LANES, Prm, ROW};
+use lightkiln_format::prm::{LANES, Prm, ROW, UNSOUND};
 use serde::Serialize;
 
 const _: () = assert!(BLOCK == LANES, "a gather block is an asset block");
@@ -303,7 +303,8 @@ fn assemble(
         point_texel: domain
             .points
             .iter()
-            .map(|p| [p.page, p.texel[0], p.texel[1], 0])
+            .zip(&valid)
+            .map(|(p, &valid)| [p.page, p.texel[0], p.texel[1], if valid { 0 } else { UNSOUND }])
             .collect(),
         block_rows: vec![0],
         ..Prm::default()

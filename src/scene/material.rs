@@ -143,7 +143,8 @@ impl Texture {
         top.lerp(bottom, f.y)
     }
 
-    fn decode(&self, [r, g, b, a]: [u8; 4]) -> Vec4 {
+    /// A texel as linear RGB and alpha, each in `[0, 1]`.
+    pub(super) fn decode(&self, [r, g, b, a]: [u8; 4]) -> Vec4 {
         let a = f32::from(a) / 255.0;
         if self.srgb {
             let lut = &*SRGB_TO_LINEAR;

@@ -1,10 +1,22 @@
 //! A scene as transport needs it: flat triangles in metres, `+Y` up, with materials and roles.
 //! No type of a loader crosses this border.
 
+mod assemble;
 pub mod environment;
+mod gltf;
+mod loaded;
 pub mod material;
+mod normals;
+mod obj;
+mod overrides;
+mod resource;
 pub mod surface;
+mod texture;
 pub mod write;
+
+pub use assemble::{load, load_file};
+pub use loaded::MAX_ELEMENTS;
+pub use texture::{MAX_SCENE_TEXELS, MAX_TEXTURE_SIDE};
 
 use glam::{DVec3, Vec2, Vec3};
 use lightkiln_format::lighting::Light;
@@ -73,7 +85,7 @@ pub struct Instance {
 }
 
 /// What the baker does with an instance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
     /// Blocks and reflects light, receives a lightmap.

@@ -5,14 +5,45 @@ use super::{Ray, Tracer};
 use crate::scene::Scene;
 use crate::scene::environment::Environment;
 use crate::scene::surface::Facet;
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Quat, Vec2, Vec3};
 use lightkiln_format::lighting::Light;
 
 /// Everything that emits: lamps, emissive triangles, sky.
 pub struct Emitters<'a> {
     lamps: Vec<Lamp>,
     surfaces: Option<EmissiveSurfaces>,
-    environment: Option<&'a Environment>,
+    sky: Option<Sky<'a>>,
+}
+
+/// An environment as it stands over the scene.
+#[derive(Clone, Copy)]
+pub struct Sky<'a> {
+    /// The image.
+    pub map: &'a Environment,
+    /// Rotation about `+Y`, radians.
+    pub rotation: f32,
+    /// Factor on its radiance.
+    pub scale: f32,
+}
+
+impl Sky<'_> {
+    fn turned(&self, direction: Vec3, angle: f32) -> Vec3 {
+        if angle == 0.0 { direction } else { Quat::from_rotation_y(angle) * direction }
+    }
+
+    fn radiance(&self, direction: Vec3) -> Vec3 {
+        self.map.lookup(self.turned(direction, -self.rotation)) * self.scale
+    }
+
+    fn pdf(&self, direction: Vec3) -> f32 {
+        self.map.pdf(self.turned(direction, -self.rotation))
+    }
+
+    /// Direction, radiance and density (1/sr).
+    fn sample(&self, u: Vec2) -> (Vec3, Vec3, f32) {
+        let (direction, radiance, pdf) = self.map.sample(u);
+        (self.turned(direction, self.rotation), radiance * self.scale, pdf)
+    }
 }
 
 /// A lamp in local coordinates.
@@ -90,7 +121,7 @@ impl<'a> Emitters<'a> {
         scene: &Scene,
         lights: &[Light],
         surfaces: bool,
-        environment: Option<&'a Environment>,
+        sky: Option<Sky<'a>>,
     ) -> Self {
         let lamps = lights.iter().map(|light| Lamp::of(scene, light)).collect();
         let surfaces = if surfaces {
@@ -98,11 +129,7 @@ impl<'a> Emitters<'a> {
         } else {
             None
         };
-        Self {
-            lamps,
-            surfaces,
-            environment,
-        }
+        Self { lamps, surfaces, sky }
     }
 
     /// Lamps alone: what moves at run time.
@@ -126,15 +153,15 @@ impl<'a> Emitters<'a> {
         if let Some(surfaces) = &self.surfaces {
             out.extend(surfaces.incident(tracer, at, random));
         }
-        if let Some(sky) = self.environment {
-            let sample = sky.sample(Vec2::new(random[2], random[3]));
-            let cosine = at.cosine(sample.direction);
-            if cosine > 0.0 && sample.pdf > 0.0 {
+        if let Some(sky) = &self.sky {
+            let (direction, radiance, pdf) = sky.sample(Vec2::new(random[2], random[3]));
+            let cosine = at.cosine(direction);
+            if cosine > 0.0 && pdf > 0.0 {
                 // Balance heuristic against the cosine-distributed ray.
-                let weight = sample.pdf / (sample.pdf + cosine * std::f32::consts::FRAC_1_PI);
+                let weight = pdf / (pdf + cosine * std::f32::consts::FRAC_1_PI);
                 out.push(Incident {
-                    ray: Ray::new(at.position, sample.direction, at.triangle),
-                    irradiance: sample.radiance * (cosine * weight / sample.pdf),
+                    ray: Ray::new(at.position, direction, at.triangle),
+                    irradiance: radiance * (cosine * weight / pdf),
                 });
             }
         }
@@ -142,7 +169,7 @@ impl<'a> Emitters<'a> {
 
     /// Radiance met by a cosine-distributed ray that escaped, times its MIS weight.
     pub fn escaped(&self, direction: Vec3, cosine_pdf: f32) -> Vec3 {
-        self.environment.map_or(Vec3::ZERO, |sky| {
+        self.sky.as_ref().map_or(Vec3::ZERO, |sky| {
             sky.radiance(direction) * (cosine_pdf / (cosine_pdf + sky.pdf(direction)))
         })
     }
