@@ -121,6 +121,8 @@ pub(super) fn materials(loaded: &mut Loaded, specs: &[MaterialSpec]) {
                     key.0
                 } else {
                     loaded.materials.push(material);
+                    let role = loaded.material_roles[key.0 as usize];
+                    loaded.material_roles.push(role);
                     loaded.materials.len() as u32 - 1
                 };
                 made.insert(key, index);
