@@ -95,6 +95,17 @@ fn parse(file: &Path, bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>)> {
             "export without it, or convert the file (gltfpack, gltf-transform) to plain buffers",
         ));
     }
+    if !root.asset.version.starts_with("2.") {
+        let problem = format!("is {}, not 2.0", root.asset.version);
+        return Err(fail("asset.version", problem));
+    }
+    // The crate's validation looks positions up without asking whether they exist.
+    let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let mut accessors = primitives.flat_map(|primitive| primitive.attributes.values());
+    if let Some(lost) = accessors.find(|index| root.get(**index).is_none()) {
+        let problem = format!("accessor {} does not exist", lost.value());
+        return Err(fail("mesh attributes", problem));
+    }
     let mut flaw = None;
     root.validate(&root, JsonPath::new, &mut |path, error| {
         let path = path().to_string();

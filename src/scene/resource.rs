@@ -19,6 +19,15 @@ pub(super) fn read_file(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(|e| Error::io(path, "read", e))
 }
 
+/// Why a file could not be read, without its path: findings are the same on every machine.
+pub(super) fn reason(error: &Error) -> String {
+    match error {
+        Error::Io { source, .. } => format!("cannot be read: {}", source.kind()),
+        Error::Input { problem, .. } => problem.clone(),
+        other => other.to_string(),
+    }
+}
+
 /// The bytes behind a glTF URI: a `data:` URI, or a file relative to `file`.
 ///
 /// # Errors
@@ -41,7 +50,7 @@ pub(super) fn read_uri(file: &Path, uri: &str) -> std::result::Result<Vec<u8>, S
         ));
     }
     let name = String::from_utf8(percent_decode(uri)).map_err(|_| "the URI is not UTF-8")?;
-    read_file(&beside(file, &name)).map_err(|e| e.to_string())
+    read_file(&beside(file, &name)).map_err(|e| reason(&e))
 }
 
 /// `name`, relative to the folder of `file`. Backslashes of Windows exporters count as separators.

@@ -6,7 +6,7 @@
 
 use crate::scene::loaded::Loaded;
 use crate::scene::material::{Material, TextureRef, Wrap};
-use crate::scene::resource::{beside, read_file};
+use crate::scene::resource::{beside, read_file, reason};
 use crate::scene::texture::{Decoder, texture};
 use glam::{Vec2, Vec3};
 use image::RgbaImage;
@@ -72,7 +72,7 @@ impl<'a> Library<'a> {
             match read_file(&beside(self.file, name)) {
                 Ok(bytes) => self.parse(&String::from_utf8_lossy(&bytes)),
                 Err(e) => {
-                    let what = format!("its materials are grey ({GREY}): {e}");
+                    let what = format!("its materials are grey ({GREY}): {}", reason(&e));
                     loaded.find(format!("mtllib `{name}`"), what, 1);
                 }
             }
@@ -207,7 +207,7 @@ impl<'a> Library<'a> {
     }
 
     fn image(&mut self, name: &str, element: &str, loaded: &mut Loaded) -> Option<RgbaImage> {
-        let bytes = read_file(&beside(self.file, name)).map_err(|e| e.to_string());
+        let bytes = read_file(&beside(self.file, name)).map_err(|e| reason(&e));
         match bytes.and_then(|bytes| self.decoder.decode(&bytes)) {
             Ok(image) => Some(image),
             Err(problem) => {
