@@ -58,7 +58,9 @@ pub(super) fn layout(scene: &Scene, instance: &Instance, texels_per_metre: f32) 
     let extent = ((max - min) * scale).ceil().max(DVec2::ONE);
     // One texel of tolerance on each side: a tiny instance always wastes most of its rectangle.
     let wasteful = (extent.x - 2.0).max(0.0) * (extent.y - 2.0).max(0.0) * LEAST_USE > texels;
-    let fits = extent.cmple(DVec2::splat(f64::from(MAX_PAGE_SIDE / 2))).all();
+    let fits = extent
+        .cmple(DVec2::splat(f64::from(MAX_PAGE_SIDE / 2)))
+        .all();
     if !fits || wasteful {
         return None;
     }
