@@ -1,6 +1,6 @@
 //! Authored second texture coordinates: which can be kept, at which size, and where.
 
-use super::polygon::{doubled_area, inside, overlaps};
+use super::polygon::{centres_inside, doubled_area, overlaps};
 use super::{AtlasOptions, MAX_PAGE_SIDE, Placed, surface_area};
 use crate::scene::{Instance, Scene};
 use glam::DVec2;
@@ -39,9 +39,9 @@ pub(super) fn layout(scene: &Scene, instance: &Instance, texels_per_metre: f32) 
     let (mut min, mut max) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     for &t in &triangles {
         let corners = authored(t);
-        let fits = |c: &DVec2| c.cmpge(DVec2::ZERO).all() && c.cmple(DVec2::ONE).all();
+        let usable = |c: &DVec2| c.cmpge(DVec2::ZERO).all() && c.cmple(DVec2::ONE).all();
         let doubled = doubled_area(corners).abs();
-        if !corners.iter().all(fits) || doubled == 0.0 {
+        if !corners.iter().all(usable) || doubled == 0.0 {
             return None;
         }
         surface += surface_area(scene, t);
@@ -58,7 +58,10 @@ pub(super) fn layout(scene: &Scene, instance: &Instance, texels_per_metre: f32) 
     let extent = ((max - min) * scale).ceil().max(DVec2::ONE);
     // One texel of tolerance on each side: a tiny instance always wastes most of its rectangle.
     let wasteful = (extent.x - 2.0).max(0.0) * (extent.y - 2.0).max(0.0) * LEAST_USE > texels;
-    if !(extent.max_element() <= f64::from(MAX_PAGE_SIDE / 2)) || wasteful {
+    let fits = extent
+        .cmple(DVec2::splat(f64::from(MAX_PAGE_SIDE / 2)))
+        .all();
+    if !fits || wasteful {
         return None;
     }
     let (islands, island_of) = islands(scene, &triangles);
@@ -135,23 +138,26 @@ impl Layout {
         })
     }
 
-    /// Whether a sample lies strictly inside two triangles.
+    /// Whether some texel has more samples strictly inside two triangles than one line holds: a
+    /// single line of samples may lie in the crack of a seam that was rounded to overlap itself.
     fn triangles_overlap(&self) -> bool {
         let [width, height] = self.size.map(|s| (s * SAMPLES) as usize);
         let mut taken = vec![0u64; (width * height).div_ceil(64)];
+        let mut doubled = vec![0u32; (self.size[0] * self.size[1]) as usize];
         let step = f64::from(SAMPLES);
         self.triangles.iter().any(|&(_, corners, _)| {
             let samples = corners.map(|c| c * step);
-            let mut twice = false;
-            overlaps(samples, |[x, y], _, _| {
-                let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let mut overlap = false;
+            centres_inside(samples, |[x, y]| {
                 let bit = y as usize * width + x as usize;
-                if inside(samples, centre) > 0.0 && bit < width * height {
-                    twice |= taken[bit / 64] >> (bit % 64) & 1 == 1;
-                    taken[bit / 64] |= 1 << (bit % 64);
+                if taken[bit / 64] >> (bit % 64) & 1 == 1 {
+                    let texel = y / SAMPLES * self.size[0] + x / SAMPLES;
+                    doubled[texel as usize] += 1;
+                    overlap |= doubled[texel as usize] > SAMPLES;
                 }
+                taken[bit / 64] |= 1 << (bit % 64);
             });
-            twice
+            overlap
         })
     }
 }

@@ -1,6 +1,7 @@
 //! Exact overlap of a triangle with unit texel squares, in texel coordinates.
 
 use glam::DVec2;
+use std::ops::Range;
 
 /// A convex polygon: a triangle cut by at most four lines has at most seven corners.
 #[derive(Clone, Copy)]
@@ -55,7 +56,35 @@ impl Polygon {
         (0.5 * twice.abs(), origin + moment / (3.0 * twice))
     }
 
-    fn range(&self, axis: usize) -> std::ops::Range<u32> {
+    fn triangle([a, b, c]: [DVec2; 3]) -> Self {
+        let mut corners = [DVec2::ZERO; 8];
+        corners[..3].copy_from_slice(&[a, b, c]);
+        Self { corners, count: 3 }
+    }
+
+    /// The part in row `y` of texels.
+    fn row(&self, y: u32) -> Self {
+        self.clip(1, f64::from(y), 1.0)
+            .clip(1, f64::from(y) + 1.0, -1.0)
+    }
+
+    /// The columns of row `y` whose texels lie wholly in this part of a row: those between its
+    /// corners on both borders.
+    fn full_columns(&self, y: u32) -> Range<u32> {
+        let (mut begin, mut end) = (0.0f64, f64::INFINITY);
+        for border in [f64::from(y), f64::from(y) + 1.0] {
+            let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+            for p in self.as_slice().iter().filter(|p| p.y == border) {
+                (lo, hi) = (lo.min(p.x), hi.max(p.x));
+            }
+            (begin, end) = (begin.max(lo), end.min(hi));
+        }
+        // Infinite where the part does not reach a border: an empty range.
+        begin.ceil() as u32..end.max(0.0) as u32
+    }
+
+    /// Texel columns (axis 0) or rows (axis 1) that the polygon reaches.
+    fn range(&self, axis: usize) -> Range<u32> {
         let (mut lo, mut hi) = (f64::INFINITY, 0.0f64);
         for p in self.as_slice() {
             (lo, hi) = (lo.min(p[axis]), hi.max(p[axis]));
@@ -67,23 +96,32 @@ impl Polygon {
 /// Calls `found(texel, area, centroid)` for every texel square that the triangle overlaps with
 /// positive area (texels²); `centroid` is that of the overlap, in texels.
 pub(super) fn overlaps(corners: [DVec2; 3], mut found: impl FnMut([u32; 2], f64, DVec2)) {
-    let mut triangle = Polygon {
-        corners: [DVec2::ZERO; 8],
-        count: 0,
-    };
-    corners.into_iter().for_each(|c| triangle.push(c));
+    let triangle = Polygon::triangle(corners);
     for y in triangle.range(1) {
-        let row = triangle
-            .clip(1, f64::from(y), 1.0)
-            .clip(1, f64::from(y) + 1.0, -1.0);
+        let row = triangle.row(y);
+        let full = row.full_columns(y);
         for x in row.range(0) {
-            let cell = row
-                .clip(0, f64::from(x), 1.0)
-                .clip(0, f64::from(x) + 1.0, -1.0);
             let origin = DVec2::new(f64::from(x), f64::from(y));
+            if full.contains(&x) {
+                found([x, y], 1.0, origin + 0.5);
+                continue;
+            }
+            let cell = row.clip(0, origin.x, 1.0).clip(0, origin.x + 1.0, -1.0);
             let (area, centroid) = cell.area_centroid(origin);
             if area > 0.0 {
                 found([x, y], area, centroid.clamp(origin, origin + 1.0));
+            }
+        }
+    }
+}
+
+/// Calls `found(texel)` for every texel whose centre lies strictly inside the triangle.
+pub(super) fn centres_inside(corners: [DVec2; 3], mut found: impl FnMut([u32; 2])) {
+    let triangle = Polygon::triangle(corners);
+    for y in triangle.range(1) {
+        for x in triangle.row(y).range(0) {
+            if inside(corners, DVec2::new(f64::from(x), f64::from(y)) + 0.5) > 0.0 {
+                found([x, y]);
             }
         }
     }
