@@ -16,7 +16,10 @@ use std::path::Path;
 ///
 /// Lights of the file come with it. Their positions are scaled to metres; the intensities of point
 /// and spot lights are scaled by `metres_per_unit²`, so that irradiances stay as they were in the
-/// file's own units.
+/// file's own units; photometric values (candela, lux) are taken as W/sr and W/m² as they stand.
+///
+/// Roles come, the last winning, from the material (glass that transmits half of the light or more
+/// is a portal), from `extras.role` of material, mesh, node and its ancestors, and from the manifest.
 ///
 /// # Errors
 /// [`Error::Io`] and [`Error::Input`] name the file and the element: unreadable or malformed files,
@@ -192,6 +195,9 @@ fn assemble(file: &Path, mut loaded: Loaded, spec: &SceneSpec) -> Result<Scene> 
     Ok(scene)
 }
 
+/// Largest coordinate, metres: beyond it differences overflow f32, so it is as good as infinite.
+const LARGEST: f64 = f32::MAX as f64 / 4.0;
+
 /// Drops triangles that no geometry can be made of, before anything depends on them.
 fn drop_invalid(part: &mut Part, findings: &mut Vec<Finding>) {
     let positions = &part.positions;
@@ -200,9 +206,8 @@ fn drop_invalid(part: &mut Part, findings: &mut Vec<Finding>) {
         let corners = t.map(|v| positions.get(v as usize));
         let counter = match corners {
             [Some(a), Some(b), Some(c)] => {
-                // Beyond f32 a position is as good as infinite.
-                let large = |p: &DVec3| !(p.abs().max_element() <= f64::from(f32::MAX) * 0.25);
-                if [a, b, c].into_iter().any(|p| p.is_nan() || large(p)) {
+                let fits = |p: &DVec3| p.is_finite() && p.abs().max_element() <= LARGEST;
+                if ![a, b, c].into_iter().all(fits) {
                     &mut infinite
                 } else if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
                     &mut repeated

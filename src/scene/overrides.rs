@@ -4,7 +4,7 @@ use super::loaded::{Loaded, Part};
 use super::material::{Material, Texture};
 use super::{Finding, Role};
 use crate::manifest::{MaterialSpec, RoleSpec, Selector, Target};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 use std::collections::HashMap;
 
 fn selects(selector: &Selector, part: &Part, material: &Material) -> bool {
@@ -186,8 +186,7 @@ pub(super) fn sanitise(loaded: &mut Loaded) {
         for colour in [&mut material.base_color, &mut material.emissive] {
             *colour = if sane(*colour) { *colour } else { Vec3::ZERO };
         }
-        // A NaN becomes 0.
-        material.metallic = material.metallic.max(0.0).min(1.0);
+        material.metallic = material.metallic.clamp(0.0, 1.0);
         if before.base_color != material.base_color
             || before.emissive != material.emissive
             || before.metallic != material.metallic
@@ -252,12 +251,19 @@ fn albedo_flaw(material: &Material, textures: &[Texture]) -> Option<(String, u64
         return Some((what, 1));
     };
     let texture = &textures[reference.texture as usize];
-    let albedo = |&texel: &[u8; 4]| (factor * texture.decode(texel).truncate()).max_element();
-    let high = texture
+    // Texels that a mask cuts away have no albedo.
+    let there = |texel: &Vec4| {
+        material
+            .alpha_cutoff
+            .is_none_or(|c| material.alpha * texel.w >= c)
+    };
+    let texels = texture
         .texels
         .iter()
-        .map(albedo)
-        .filter(|&a| a > HIGH_ALBEDO);
+        .map(|&t| texture.decode(t))
+        .filter(there);
+    let albedo = texels.map(|t| (factor * t.truncate()).max_element());
+    let high = albedo.filter(|&a| a > HIGH_ALBEDO);
     let (count, highest) = high.fold((0, 0.0f32), |(n, top), a| (n + 1, top.max(a)));
     let what = format!("has texels with an albedo above {HIGH_ALBEDO}, up to {highest:.3}");
     (count > 0).then_some((what, count))
