@@ -255,9 +255,9 @@ fn lights_come_in_world_metres() {
             "nodes": [
                 { "mesh": 0, "children": [1, 2, 3, 4], "translation": [0, 0, 10] },
                 { "extensions": { "KHR_lights_punctual": { "light": 0 } }, "translation": [4, 2, 0] },
-                // A quarter turn about x: -z becomes up (+y).
+                // A quarter turn about x (not of unit length): -z becomes up (+y).
                 { "extensions": { "KHR_lights_punctual": { "light": 1 } },
-                  "rotation": [0.70710678, 0, 0, 0.70710678] },
+                  "rotation": [1, 0, 0, 1] },
                 { "extensions": { "KHR_lights_punctual": { "light": 2 } } },
                 { "name": "crossed", "extensions": { "KHR_lights_punctual": { "light": 3 } } },
             ],
