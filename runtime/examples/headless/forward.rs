@@ -111,10 +111,7 @@ struct View {
 pub fn run(options: &Options) -> Result<String, String> {
     let prm = Prm::read(&options.dir.join("prm.safetensors")).map_err(|e| e.to_string())?;
     let mut scene = Scene::read(&options.dir.join("scene.lit.glb"), prm.origin)?;
-    let volume = scene
-        .lamp_volumes
-        .first()
-        .map(|v| v.map(|c| Vec3::from(c).as_dvec3()));
+    let volume = scene.lamp_volumes.first().map(|v| v.map(DVec3::from));
     let inside = |share: DVec3| volume.map(|[low, high]| low + (high - low) * share);
     let or_default = |given: Option<DVec3>, share: [f64; 3], name: &str| {
         let default = given.or_else(|| inside(share.into()));

@@ -30,7 +30,7 @@ pub struct Scene {
     /// Triangles seen from both sides.
     pub double_sided: Vec<u32>,
     /// Boxes, world metres, where lamps may be.
-    pub lamp_volumes: Vec<[[f32; 3]; 2]>,
+    pub lamp_volumes: Vec<[[f64; 3]; 2]>,
 }
 
 impl Scene {
