@@ -28,11 +28,16 @@ impl Random {
 
     /// Uniform on the unit sphere.
     pub fn direction(&mut self) -> [f32; 3] {
-        let z = self.uniform(-1.0, 1.0);
-        let (sin, cos) = self.uniform(0.0, std::f32::consts::TAU).sin_cos();
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        [r * cos, r * sin, z]
+        on_sphere([self.uniform(0.0, 1.0), self.uniform(0.0, 1.0)])
     }
+}
+
+/// The area-preserving map of the unit square to the unit sphere.
+pub fn on_sphere([u, v]: [f32; 2]) -> [f32; 3] {
+    let z = 1.0 - 2.0 * u;
+    let (sin, cos) = (v * std::f32::consts::TAU).sin_cos();
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    [r * cos, r * sin, z]
 }
 
 /// A valid map of `points` reference points on `pages` pages, in a room of some metres.

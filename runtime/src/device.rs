@@ -1,15 +1,23 @@
 //! Opening a device, and sizes checked against its limits.
 
 use crate::error::RuntimeError;
+use lightkiln_format::prm::LANES;
+
+/// Storage buffers of the pass with the most, `combine`.
+const STORAGE_BUFFERS: u64 = 5;
 
 /// Opens the default adapter with all its limits: responses of a map may need large buffers.
+/// OpenGL is left out, see [`RuntimeError::OpenGl`].
 ///
 /// A host that has a device of its own does not need this.
 ///
 /// # Errors
 /// [`RuntimeError::NoAdapter`].
 pub async fn open() -> Result<(wgpu::Adapter, wgpu::Device, wgpu::Queue), RuntimeError> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::PRIMARY,
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    });
     let adapter = instance
         .request_adapter(&wgpu::RequestAdapterOptions::default())
         .await
@@ -22,6 +30,24 @@ pub async fn open() -> Result<(wgpu::Adapter, wgpu::Device, wgpu::Queue), Runtim
     let opened = adapter.request_device(&descriptor).await;
     let (device, queue) = opened.map_err(|e| RuntimeError::NoAdapter(e.to_string()))?;
     Ok((adapter, device, queue))
+}
+
+/// Refuses a device that cannot run the shaders.
+pub(crate) fn supported(device: &wgpu::Device) -> Result<(), RuntimeError> {
+    if device.adapter_info().backend == wgpu::Backend::Gl {
+        return Err(RuntimeError::OpenGl);
+    }
+    let limits = device.limits();
+    let threads = limits.max_compute_workgroup_size_x;
+    within(
+        "blocks",
+        LANES as u64,
+        "max_compute_workgroup_size_x",
+        threads.into(),
+    )?;
+    let buffers = limits.max_storage_buffers_per_shader_stage;
+    let limit_name = "max_storage_buffers_per_shader_stage";
+    within("passes", STORAGE_BUFFERS, limit_name, buffers.into())
 }
 
 /// Refuses `needed` above `limit`.

@@ -25,6 +25,9 @@ pub enum RuntimeError {
         /// Its value.
         limit: u64,
     },
+    /// The device runs on OpenGL, whose shaders cannot load a texel of a depth texture.
+    #[error("OpenGL is not supported; open the device on Vulkan, Metal or Direct3D 12")]
+    OpenGl,
     /// A light has neither a depth cube nor visibility from the host.
     #[error("light {light} has no visibility: render depth cubes, or call `set_visibility`")]
     VisibilityMissing {

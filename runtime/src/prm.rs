@@ -9,7 +9,7 @@
 //! half precision does. Irradiance above 65504 W/m² is clamped. The unrounded f32 values stay in
 //! [`PrmRuntime::points`].
 
-use crate::device::{bind, storage, uniform, upload, within};
+use crate::device::{bind, storage, supported, uniform, upload, within};
 use crate::error::RuntimeError;
 use crate::shadow_cube::{CUBE_WGSL, ShadowCubes};
 use lightkiln_format::direct::Lamp;
@@ -88,12 +88,14 @@ impl PrmRuntime {
     /// Validates and uploads `prm`. The map itself is not needed afterwards.
     ///
     /// # Errors
-    /// [`RuntimeError::Array`] for an invalid map; [`RuntimeError::TooLarge`].
+    /// [`RuntimeError::Array`] for an invalid map; [`RuntimeError::TooLarge`] and
+    /// [`RuntimeError::OpenGl`] for a device that does not do.
     pub fn new(
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         prm: &Prm,
     ) -> Result<Self, RuntimeError> {
+        supported(device)?;
         prm.validate()?;
         let pipelines = Pipelines::new(device);
         let texels = texels(prm);

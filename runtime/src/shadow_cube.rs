@@ -63,13 +63,14 @@ impl ShadowCubes {
     ///
     /// # Errors
     /// [`RuntimeError::Array`] names the position or index that is wrong;
-    /// [`RuntimeError::TooLarge`].
+    /// [`RuntimeError::TooLarge`] and [`RuntimeError::OpenGl`] for a device that does not do.
     pub fn new(
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         mesh: &SceneMesh<'_>,
         resolution: u32,
     ) -> Result<Self, RuntimeError> {
+        device::supported(device)?;
         mesh.validate()?;
         let limits = device.limits();
         let side = u64::from(limits.max_texture_dimension_2d);

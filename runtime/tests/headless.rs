@@ -8,7 +8,9 @@ use std::path::Path;
 mod forward;
 
 fn options(dir: &Path, more: &[&str]) -> Options {
-    let arguments = [dir.to_str().unwrap()].into_iter().chain(more.iter().copied());
+    let arguments = [dir.to_str().unwrap()]
+        .into_iter()
+        .chain(more.iter().copied());
     Options::parse(arguments.map(String::from)).unwrap()
 }
 
@@ -20,7 +22,9 @@ fn mean(path: &Path, part: [f32; 4], channel: usize) -> f64 {
         let (x, y) = (x as f32 / w, y as f32 / h);
         x >= part[0] && x < part[2] && y >= part[1] && y < part[3]
     };
-    let values = picture.enumerate_pixels().filter(|(x, y, _)| inside(*x, *y));
+    let values = picture
+        .enumerate_pixels()
+        .filter(|(x, y, _)| inside(*x, *y));
     let values: Vec<_> = values.map(|(_, _, p)| f64::from(p.0[channel])).collect();
     values.iter().sum::<f64>() / values.len() as f64
 }
@@ -44,12 +48,18 @@ fn the_example_lights_a_room() {
         written.bytes
     );
 
-    println!("{}", forward::run(&options(&dir, &["--size", "720x480"])).unwrap());
+    println!(
+        "{}",
+        forward::run(&options(&dir, &["--size", "720x480"])).unwrap()
+    );
     let (direct, lit) = (dir.join("direct.png"), dir.join("lit.png"));
     let whole = [0.0, 0.0, 1.0, 1.0];
     for channel in 0..3 {
         let (a, b) = (mean(&direct, whole, channel), mean(&lit, whole, channel));
-        assert!(b > a + 5.0, "channel {channel}: lit {b} is not brighter than direct {a}");
+        assert!(
+            b > a + 5.0,
+            "channel {channel}: lit {b} is not brighter than direct {a}"
+        );
     }
     let sheet = image::open(dir.join("sheet.png")).unwrap();
     assert_eq!((sheet.width(), sheet.height()), (3 * 720 + 16, 480));
@@ -59,17 +69,39 @@ fn the_example_lights_a_room() {
         let p = room::world(p);
         format!("{},{},{}", p.x, p.y, p.z)
     };
-    let (lamp, camera, target) =
-        (text([0.66, 0.15, 0.8]), text([0.66, 0.5, 0.1]), text([0.66, 0.0, 0.4]));
+    let (lamp, camera, target) = (
+        text([0.66, 0.15, 0.8]),
+        text([0.66, 0.5, 0.1]),
+        text([0.66, 0.0, 0.4]),
+    );
     let out = dir.join("shadow");
     let more = [
-        "--lamp", &lamp, "--camera", &camera, "--target", &target, "--fov", "30", "--size",
-        "120x120", "--exposure", "1", "--out", out.to_str().unwrap(),
+        "--lamp",
+        &lamp,
+        "--camera",
+        &camera,
+        "--target",
+        &target,
+        "--fov",
+        "30",
+        "--size",
+        "120x120",
+        "--exposure",
+        "1",
+        "--out",
+        out.to_str().unwrap(),
     ];
     println!("{}", forward::run(&options(&dir, &more)).unwrap());
     let middle = [0.45, 0.45, 0.55, 0.55];
-    assert_eq!(mean(&out.join("direct.png"), middle, 1), 0.0, "light leaks through the block");
-    assert!(mean(&out.join("lit.png"), middle, 1) > 2.0, "no indirect light in the shadow");
+    assert_eq!(
+        mean(&out.join("direct.png"), middle, 1),
+        0.0,
+        "light leaks through the block"
+    );
+    assert!(
+        mean(&out.join("lit.png"), middle, 1) > 2.0,
+        "no indirect light in the shadow"
+    );
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! The gather is the definition: from each reference point cosine rays, a walk of [`BOUNCES`]
 //! hits without Russian roulette, the product of albedos added to the cell that was hit.
 
-use crate::random::Random;
+use crate::random::{self, Random};
 use glam::{DVec3, Vec3};
 use half::f16;
 use lightkiln_format::prm::{LANES, Prm, ROW};
@@ -17,7 +17,8 @@ pub const LAMP_VOLUME: [[f64; 3]; 2] = [[1200.1, -7.9, 340.6], [1203.9, -5.4, 34
 
 const ROOM: Vec3 = Vec3::new(4.0, 2.7, 5.0);
 const BLOCK: [Vec3; 2] = [Vec3::new(2.2, 0.0, 2.4), Vec3::new(3.1, 1.2, 3.3)];
-const RAYS: usize = 192;
+/// The first directions of a point are stratified: this many strata each way.
+const STRATA: usize = 24;
 const BOUNCES: usize = 4;
 const TEXELS_PER_METRE: f32 = 6.0;
 /// Metres from a surface to its reference and entry points.
@@ -58,13 +59,38 @@ pub fn walls() -> (Vec<Wall>, Vec<[u32; 2]>) {
             let corner = low + edge(0) * (face % 2) as f32;
             // u × v points along the axis; turned when it has to point the other way.
             let along = (face % 2 == 1) != inward;
-            let (u, v) = if along { (edge(1), edge(2)) } else { (edge(2), edge(1)) };
+            let (u, v) = if along {
+                (edge(1), edge(2))
+            } else {
+                (edge(2), edge(1))
+            };
             let (first_cell, cells, chart) = (0, [0; 2], [0; 4]);
-            walls.push(Wall { corner, u, v, albedo, page, chart, first_cell, cells });
+            walls.push(Wall {
+                corner,
+                u,
+                v,
+                albedo,
+                page,
+                chart,
+                first_cell,
+                cells,
+            });
         }
     };
-    box_walls(Vec3::ZERO, ROOM, true, [red, green, grey, grey, grey, grey], 0);
-    box_walls(BLOCK[0], BLOCK[1] - BLOCK[0], false, [Vec3::new(0.75, 0.72, 0.6); 6], 1);
+    box_walls(
+        Vec3::ZERO,
+        ROOM,
+        true,
+        [red, green, grey, grey, grey, grey],
+        0,
+    );
+    box_walls(
+        BLOCK[0],
+        BLOCK[1] - BLOCK[0],
+        false,
+        [Vec3::new(0.75, 0.72, 0.6); 6],
+        1,
+    );
     // The block's underside lies on the floor.
     walls.remove(8);
     let mut pages = vec![[0, 0]; 2];
@@ -96,24 +122,37 @@ fn hit(walls: &[Wall], from: Vec3, ray: Vec3) -> Option<(usize, f32, f32)> {
         (slope < 0.0 && distance > 0.0 && inside).then_some((distance, (i, s, t)))
     };
     let hits = walls.iter().enumerate().filter_map(crossing);
-    hits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, place)| place)
+    hits.min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, place)| place)
 }
 
 /// Responses of all cells at a point.
-fn gather(walls: &[Wall], cells: usize, point: Vec3, normal: Vec3, random: &mut Random) -> Vec<Vec3> {
+fn gather(
+    walls: &[Wall],
+    cells: usize,
+    point: Vec3,
+    normal: Vec3,
+    random: &mut Random,
+) -> Vec<Vec3> {
     let mut responses = vec![Vec3::ZERO; cells];
-    for _ in 0..RAYS {
+    let weight_of_ray = 1.0 / (STRATA * STRATA) as f32;
+    for ray in 0..STRATA * STRATA {
+        let stratum = [ray % STRATA, ray / STRATA];
+        let mut place = stratum.map(|i| (i as f32 + random.uniform(0.0, 1.0)) / STRATA as f32);
         let (mut from, mut normal, mut weight) = (point, normal, Vec3::ONE);
         for _ in 0..BOUNCES {
-            // A unit vector on the sphere about the normal's tip is cosine-distributed.
-            let ray = (normal + Vec3::from(random.direction())).normalize_or(normal);
-            let Some((i, s, t)) = hit(walls, from, ray) else { break };
+            // A point on the unit sphere about the normal's tip is cosine-distributed.
+            let ray = (normal + Vec3::from(random::on_sphere(place))).normalize_or(normal);
+            place = [random.uniform(0.0, 1.0), random.uniform(0.0, 1.0)];
+            let Some((i, s, t)) = hit(walls, from, ray) else {
+                break;
+            };
             let wall = &walls[i];
             weight *= wall.albedo;
             let [columns, rows] = wall.cells;
             let column = ((s * columns as f32) as usize).min(columns - 1);
             let row = ((t * rows as f32) as usize).min(rows - 1);
-            responses[wall.first_cell + row * columns + column] += weight / RAYS as f32;
+            responses[wall.first_cell + row * columns + column] += weight * weight_of_ray;
             normal = wall.normal();
             from = wall.at(s, t) + normal * LIFT;
         }
@@ -125,7 +164,12 @@ fn gather(walls: &[Wall], cells: usize, point: Vec3, normal: Vec3, random: &mut 
 pub fn prm() -> Prm {
     let (walls, pages) = walls();
     let random = &mut Random(42);
-    let mut prm = Prm { origin: ORIGIN, pages, cell_entries: vec![0], ..Prm::default() };
+    let mut prm = Prm {
+        origin: ORIGIN,
+        pages,
+        cell_entries: vec![0],
+        ..Prm::default()
+    };
     let mut points = Vec::new();
     for wall in &walls {
         let normal = wall.normal();
@@ -137,7 +181,8 @@ pub fn prm() -> Prm {
                 };
                 let s = place(cell % columns, part % 3, columns, random.uniform(0.0, 1.0));
                 let t = place(cell / columns, part / 3, rows, random.uniform(0.0, 1.0));
-                prm.entry_position.push((wall.at(s, t) + normal * LIFT).into());
+                prm.entry_position
+                    .push((wall.at(s, t) + normal * LIFT).into());
                 prm.entry_normal.push(normal.into());
             }
             prm.cell_entries.push(prm.entry_position.len() as u32);
@@ -151,7 +196,8 @@ pub fn prm() -> Prm {
             let point = wall.at(s, t) + normal * LIFT;
             let hidden = (point.cmpgt(BLOCK[0]) & point.cmplt(BLOCK[1])).all();
             if !hidden {
-                prm.point_texel.push([wall.page as u16, (x0 + x) as u16, (y0 + y) as u16, 0]);
+                prm.point_texel
+                    .push([wall.page as u16, (x0 + x) as u16, (y0 + y) as u16, 0]);
                 points.push((point, normal));
             }
         }
@@ -170,10 +216,15 @@ pub fn prm() -> Prm {
     }
     prm.block_rows.push(0);
     for block in points.chunks(LANES) {
-        let gathered: Vec<_> =
-            block.iter().map(|&(p, n)| gather(&walls, prm.cells(), p, n, random)).collect();
+        let gathered: Vec<_> = block
+            .iter()
+            .map(|&(p, n)| gather(&walls, prm.cells(), p, n, random))
+            .collect();
         for cell in 0..prm.cells() {
-            if gathered.iter().all(|responses| responses[cell] == Vec3::ZERO) {
+            if gathered
+                .iter()
+                .all(|responses| responses[cell] == Vec3::ZERO)
+            {
                 continue;
             }
             let mut row = [f16::ZERO; ROW];
@@ -196,8 +247,7 @@ pub fn write_glb(path: &Path) {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         views.push(json!({ "buffer": 0, "byteOffset": binary.len(), "byteLength": bytes.len() }));
         binary.extend_from_slice(bytes);
-        let mut accessor =
-            json!({ "bufferView": views.len() - 1, "componentType": 5126, "count": 6, "type": kind });
+        let mut accessor = json!({ "bufferView": views.len() - 1, "componentType": 5126, "count": 6, "type": kind });
         if let Some([low, high]) = bounds {
             accessor["min"] = json!(low.to_array());
             accessor["max"] = json!(high.to_array());
@@ -254,7 +304,11 @@ pub fn write_glb(path: &Path) {
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut file = b"glTF".to_vec();
     let total = 28 + text.len() + binary.len();
-    file.extend([2, total as u32, text.len() as u32].map(u32::to_le_bytes).concat());
+    file.extend(
+        [2, total as u32, text.len() as u32]
+            .map(u32::to_le_bytes)
+            .concat(),
+    );
     file.extend(b"JSON");
     file.extend(text);
     file.extend((binary.len() as u32).to_le_bytes());

@@ -2,7 +2,8 @@
 
 use crate::picture::{self, Radiance};
 use crate::scene::{Scene, Vertex};
-use glam::{DVec3, Mat4, Vec3};
+use glam::camera::rh::{proj::directx, view};
+use glam::{DVec3, Vec3};
 use lightkiln_format::lighting::Light;
 use lightkiln_format::prm::Prm;
 use lightkiln_runtime::prm::{LAMP_WGSL, PrmRuntime};
@@ -34,7 +35,7 @@ pub struct Options {
     pub fov: f32,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Factor on radiance; by default the 95th percentile of luminance becomes white.
+    /// Factor on radiance; by default the 98th percentile of luminance becomes white.
     pub exposure: Option<f32>,
 }
 
@@ -57,9 +58,16 @@ impl Options {
             exposure: None,
         };
         while let Some(key) = arguments.next() {
-            let value = arguments.next().ok_or_else(|| format!("`{key}` needs a value"))?;
+            let value = arguments
+                .next()
+                .ok_or_else(|| format!("`{key}` needs a value"))?;
             let bad = || format!("`{key}`: `{value}` is malformed");
-            let one = || value.parse::<f32>().ok().filter(|v| *v > 0.0 && v.is_finite());
+            let one = || {
+                value
+                    .parse::<f32>()
+                    .ok()
+                    .filter(|v| *v > 0.0 && v.is_finite())
+            };
             let three = || {
                 let numbers: Vec<f64> = value.split(',').map_while(|v| v.parse().ok()).collect();
                 let numbers = <[f64; 3]>::try_from(numbers).ok()?;
@@ -76,7 +84,9 @@ impl Options {
                 "--size" => {
                     let (width, height) = value.split_once('x').ok_or_else(bad)?;
                     let size = [width, height].map(|v| v.parse().unwrap_or(0));
-                    options.size = Some(size).filter(|s| s.iter().all(|v| *v > 0)).ok_or_else(bad)?;
+                    options.size = Some(size)
+                        .filter(|s| s.iter().all(|v| *v > 0))
+                        .ok_or_else(bad)?;
                 }
                 _ => return Err(format!("`{key}` is unknown")),
             }
@@ -101,7 +111,7 @@ struct View {
 pub fn run(options: &Options) -> Result<String, String> {
     let prm = Prm::read(&options.dir.join("prm.safetensors")).map_err(|e| e.to_string())?;
     let mut scene = Scene::read(&options.dir.join("scene.lit.glb"), prm.origin)?;
-    let volume = scene.lamp_volumes.first().map(|v| v.map(|c| Vec3::from(c).as_dvec3()));
+    let volume = scene.lamp_volumes.first().map(|v| v.map(DVec3::from));
     let inside = |share: DVec3| volume.map(|[low, high]| low + (high - low) * share);
     let or_default = |given: Option<DVec3>, share: [f64; 3], name: &str| {
         let default = given.or_else(|| inside(share.into()));
@@ -110,7 +120,11 @@ pub fn run(options: &Options) -> Result<String, String> {
     let lamp = or_default(options.lamp, [0.5, 0.5, 0.5], "lamp")?;
     let camera = or_default(options.camera, [0.04, 0.65, 0.04], "camera")?;
     let target = or_default(options.target, [0.7, 0.25, 0.7], "target")?;
-    let light = Light::Point { position: lamp, intensity: options.intensity, radius: 0.01 };
+    let light = Light::Point {
+        position: lamp,
+        intensity: options.intensity,
+        radius: 0.01,
+    };
 
     let (adapter, device, queue) =
         pollster::block_on(lightkiln_runtime::device::open()).map_err(|e| e.to_string())?;
@@ -118,18 +132,25 @@ pub fn run(options: &Options) -> Result<String, String> {
     for vertex in &mut scene.vertices {
         if vertex.page >= 0.0 {
             let page = vertex.page as usize;
-            let scale = runtime.page_scale(page).ok_or(format!("the map has no page {page}"))?;
+            let scale = runtime
+                .page_scale(page)
+                .ok_or(format!("the map has no page {page}"))?;
             (0..2).for_each(|k| vertex.lightmap[k] *= scale[k]);
         }
     }
     let positions: Vec<_> = scene.vertices.iter().map(|v| v.position).collect();
     let indices = [scene.single_sided.as_slice(), &scene.double_sided].concat();
-    let mesh = SceneMesh { positions: &positions, indices: &indices };
+    let mesh = SceneMesh {
+        positions: &positions,
+        indices: &indices,
+    };
     let mut cubes =
         ShadowCubes::new(&device, &queue, &mesh, CUBE_SIZE).map_err(|e| e.to_string())?;
     runtime.set_lights(&[light]).map_err(|e| e.to_string())?;
     let mut encoder = device.create_command_encoder(&Default::default());
-    runtime.see_entries(&mut encoder, &mut cubes).map_err(|e| e.to_string())?;
+    runtime
+        .see_entries(&mut encoder, &mut cubes)
+        .map_err(|e| e.to_string())?;
     runtime.encode(&mut encoder).map_err(|e| e.to_string())?;
     queue.submit([encoder.finish()]);
 
@@ -138,23 +159,39 @@ pub fn run(options: &Options) -> Result<String, String> {
     let size = options.size.map(|v| v * SUPERSAMPLING);
     let aspect = size[0] as f32 / size[1] as f32;
     // Reversed, without a far plane; nothing is looked at from nearer than 2 cm.
-    let perspective =
-        Mat4::perspective_infinite_reverse_rh(options.fov.to_radians(), aspect, 0.02);
-    let look = Mat4::look_at_rh(eye, (target - origin).as_vec3(), Vec3::Y);
+    let perspective = directx::perspective_infinite_reverse(options.fov.to_radians(), aspect, 0.02);
+    let look = view::look_at_mat4(eye, (target - origin).as_vec3(), Vec3::Y);
     let projection = (perspective * look).to_cols_array_2d();
-    let view = View { projection, eye: eye.into(), lamps: runtime.lamps().len() as u32 };
-    let pass = Pass { device: &device, queue: &queue, size };
+    let view = View {
+        projection,
+        eye: eye.into(),
+        lamps: runtime.lamps().len() as u32,
+    };
+    let pass = Pass {
+        device: &device,
+        queue: &queue,
+        size,
+    };
     let [direct, indirect] = pass.draw(&scene, &view, &runtime, &cubes)?;
 
     let direct = direct.shrink(SUPERSAMPLING as usize);
     let indirect = indirect.shrink(SUPERSAMPLING as usize);
     let lit = direct.plus(&indirect);
     // A picture without light has no percentile to expose for.
-    let exposure = options.exposure.unwrap_or(1.0 / lit.quantile(0.95).max(f32::MIN_POSITIVE));
+    let exposure = options
+        .exposure
+        .unwrap_or(1.0 / lit.quantile(0.98).max(f32::MIN_POSITIVE));
     let scale = indirect.quantile(0.99).max(f32::MIN_POSITIVE);
-    let pictures = [direct.exposed(exposure), lit.exposed(exposure), indirect.false_colour(scale)];
+    let pictures = [
+        direct.exposed(exposure),
+        lit.exposed(exposure),
+        indirect.false_colour(scale),
+    ];
     std::fs::create_dir_all(&options.out).map_err(|e| format!("{}: {e}", options.out.display()))?;
-    for (name, image) in ["direct.png", "lit.png", "difference.png"].iter().zip(&pictures) {
+    for (name, image) in ["direct.png", "lit.png", "difference.png"]
+        .iter()
+        .zip(&pictures)
+    {
         picture::write(&options.out.join(name), image)?;
     }
     picture::write_sheet(&options.out.join("sheet.png"), &pictures)?;
@@ -187,7 +224,9 @@ impl Pass<'_> {
         let double = self.pipeline(None);
         let targets = [(); 2].map(|()| self.target(wgpu::TextureFormat::Rgba32Float));
         let depth = self.target(wgpu::TextureFormat::Depth32Float);
-        let views = targets.each_ref().map(|t| t.create_view(&Default::default()));
+        let views = targets
+            .each_ref()
+            .map(|t| t.create_view(&Default::default()));
         let depth_view = depth.create_view(&Default::default());
         let attachment = |view| {
             Some(wgpu::RenderPassColorAttachment {
@@ -216,8 +255,10 @@ impl Pass<'_> {
             ..Default::default()
         });
         pass.set_vertex_buffer(0, vertices.slice(..));
-        for (pipeline, indices) in [(&single, &scene.single_sided), (&double, &scene.double_sided)]
-        {
+        for (pipeline, indices) in [
+            (&single, &scene.single_sided),
+            (&double, &scene.double_sided),
+        ] {
             let group = self.bind(pipeline, view, runtime, cubes);
             let buffer = self.buffer(indices, wgpu::BufferUsages::INDEX);
             pass.set_pipeline(pipeline);
@@ -235,7 +276,11 @@ impl Pass<'_> {
         let [width, height] = self.size;
         self.device.create_texture(&wgpu::TextureDescriptor {
             label: None,
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            size: wgpu::Extent3d {
+                width,
+                height,
+                depth_or_array_layers: 1,
+            },
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
@@ -252,7 +297,8 @@ impl Pass<'_> {
             usage: usage | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        self.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(data));
+        self.queue
+            .write_buffer(&buffer, 0, bytemuck::cast_slice(data));
         buffer
     }
 
@@ -291,45 +337,51 @@ impl Pass<'_> {
 
     fn pipeline(&self, cull_mode: Option<wgpu::Face>) -> wgpu::RenderPipeline {
         let source = [LAMP_WGSL, CUBE_WGSL, include_str!("forward.wgsl")].concat();
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("forward.wgsl"),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
+        let module = self
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some("forward.wgsl"),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            });
         let attributes = wgpu::vertex_attr_array![
             0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Float32x3, 4 => Float32
         ];
         let target = || Some(wgpu::TextureFormat::Rgba32Float.into());
-        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("forward"),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("place"),
-                compilation_options: Default::default(),
-                buffers: &[Some(wgpu::VertexBufferLayout {
-                    array_stride: size_of::<Vertex>() as u64,
-                    step_mode: wgpu::VertexStepMode::Vertex,
-                    attributes: &attributes,
-                })],
-            },
-            primitive: wgpu::PrimitiveState { cull_mode, ..Default::default() },
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: wgpu::TextureFormat::Depth32Float,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Greater),
-                stencil: Default::default(),
-                bias: Default::default(),
-            }),
-            multisample: Default::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("shade"),
-                compilation_options: Default::default(),
-                targets: &[target(), target()],
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
+        self.device
+            .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some("forward"),
+                layout: None,
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some("place"),
+                    compilation_options: Default::default(),
+                    buffers: &[Some(wgpu::VertexBufferLayout {
+                        array_stride: size_of::<Vertex>() as u64,
+                        step_mode: wgpu::VertexStepMode::Vertex,
+                        attributes: &attributes,
+                    })],
+                },
+                primitive: wgpu::PrimitiveState {
+                    cull_mode,
+                    ..Default::default()
+                },
+                depth_stencil: Some(wgpu::DepthStencilState {
+                    format: wgpu::TextureFormat::Depth32Float,
+                    depth_write_enabled: Some(true),
+                    depth_compare: Some(wgpu::CompareFunction::Greater),
+                    stencil: Default::default(),
+                    bias: Default::default(),
+                }),
+                multisample: Default::default(),
+                fragment: Some(wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some("shade"),
+                    compilation_options: Default::default(),
+                    targets: &[target(), target()],
+                }),
+                multiview_mask: None,
+                cache: None,
+            })
     }
 
     fn read(&self, texture: &wgpu::Texture) -> Result<Radiance, String> {
@@ -360,12 +412,20 @@ impl Pass<'_> {
             // The receiver waits below; if it is gone, so is the reason to send.
             let _ = send.send(result);
         });
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| e.to_string())?;
-        receive.recv().map_err(|e| e.to_string())?.map_err(|e| e.to_string())?;
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|e| e.to_string())?;
+        receive
+            .recv()
+            .map_err(|e| e.to_string())?
+            .map_err(|e| e.to_string())?;
         let bytes = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
         let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
         let row = |y: u32| &texels[(y * stride / 16) as usize..][..width as usize];
-        let pixels = (0..height).flat_map(row).map(|t| [t[0], t[1], t[2]]).collect();
+        let pixels = (0..height)
+            .flat_map(row)
+            .map(|t| [t[0], t[1], t[2]])
+            .collect();
         Ok(Radiance { width, pixels })
     }
 }

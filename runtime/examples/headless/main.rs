@@ -13,7 +13,7 @@ const USAGE: &str = "\
 usage: headless DIR [--out DIR] [--lamp X,Y,Z] [--intensity R,G,B] [--camera X,Y,Z]
                     [--target X,Y,Z] [--fov DEGREES] [--size WIDTHxHEIGHT] [--exposure FACTOR]
 Positions are world metres, the intensity W/sr. By default lamp and camera stand in the scene's
-first lamp volume, and the exposure maps the 95th percentile of luminance to white.";
+first lamp volume, and the exposure maps the 98th percentile of luminance to white.";
 
 fn main() -> ExitCode {
     let result = forward::Options::parse(std::env::args().skip(1));

@@ -29,13 +29,19 @@ impl Radiance {
             }
             sum.map(|v| v / (factor * factor) as f32)
         };
-        Self { width: width as u32, pixels: (0..width * height).map(pixel).collect() }
+        Self {
+            width: width as u32,
+            pixels: (0..width * height).map(pixel).collect(),
+        }
     }
 
     /// The sum of two.
     pub fn plus(&self, other: &Self) -> Self {
         let add = |(a, b): (&[f32; 3], &[f32; 3])| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
-        Self { width: self.width, pixels: self.pixels.iter().zip(&other.pixels).map(add).collect() }
+        Self {
+            width: self.width,
+            pixels: self.pixels.iter().zip(&other.pixels).map(add).collect(),
+        }
     }
 
     /// Mean of the three channels over all pixels.
@@ -75,7 +81,11 @@ impl Radiance {
 /// A message with the file.
 pub fn write_sheet(path: &Path, pictures: &[RgbImage]) -> Result<(), String> {
     const GAP: u32 = 8;
-    let width = pictures.iter().map(|p| p.width() + GAP).sum::<u32>().saturating_sub(GAP);
+    let width = pictures
+        .iter()
+        .map(|p| p.width() + GAP)
+        .sum::<u32>()
+        .saturating_sub(GAP);
     let height = pictures.iter().map(RgbImage::height).max().unwrap_or(0);
     let mut sheet = RgbImage::from_pixel(width, height, Rgb([255; 3]));
     let mut x = 0;
@@ -91,7 +101,9 @@ pub fn write_sheet(path: &Path, pictures: &[RgbImage]) -> Result<(), String> {
 /// # Errors
 /// A message with the file.
 pub fn write(path: &Path, picture: &RgbImage) -> Result<(), String> {
-    picture.save(path).map_err(|e| format!("{}: {e}", path.display()))
+    picture
+        .save(path)
+        .map_err(|e| format!("{}: {e}", path.display()))
 }
 
 fn luminance(pixel: &[f32; 3]) -> f32 {

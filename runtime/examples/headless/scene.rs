@@ -30,7 +30,7 @@ pub struct Scene {
     /// Triangles seen from both sides.
     pub double_sided: Vec<u32>,
     /// Boxes, world metres, where lamps may be.
-    pub lamp_volumes: Vec<[[f32; 3]; 2]>,
+    pub lamp_volumes: Vec<[[f64; 3]; 2]>,
 }
 
 impl Scene {
@@ -55,20 +55,32 @@ impl Scene {
         };
         let (translation, rotation, scale) = root.transform().decomposed();
         if translation != origin.map(|v| v as f32) {
-            return Err(fail(format!("the root stands at {translation:?}, the map at {origin:?}")));
+            return Err(fail(format!(
+                "the root stands at {translation:?}, the map at {origin:?}"
+            )));
         }
         let upright = Mat4::from_scale_rotation_translation(
             scale.into(),
             Quat::from_array(rotation),
             Vec3::ZERO,
         );
-        scene.add(&root, upright, file.blob.as_deref()).map_err(fail)?;
+        scene
+            .add(&root, upright, file.blob.as_deref())
+            .map_err(fail)?;
         Ok(scene)
     }
 
-    fn add(&mut self, node: &gltf::Node<'_>, to_local: Mat4, blob: Option<&[u8]>) -> Result<(), String> {
+    fn add(
+        &mut self,
+        node: &gltf::Node<'_>,
+        to_local: Mat4,
+        blob: Option<&[u8]>,
+    ) -> Result<(), String> {
         let about = extras(node.extras());
-        let role = about.get("role").and_then(Value::as_str).unwrap_or("static");
+        let role = about
+            .get("role")
+            .and_then(Value::as_str)
+            .unwrap_or("static");
         // Portals are openings; what is ignored is not there.
         if let (Some(mesh), false) = (node.mesh(), role == "portal" || role == "ignore") {
             for primitive in mesh.primitives() {
@@ -96,8 +108,12 @@ impl Scene {
         let reader = primitive.reader(|_| blob);
         let positions: Vec<_> = reader.read_positions().ok_or("has no POSITION")?.collect();
         let normals: Vec<_> = reader.read_normals().ok_or("has no NORMAL")?.collect();
-        let page = extras(primitive.extras()).get("page").and_then(Value::as_u64);
-        let uv = reader.read_tex_coords(1).map(|uv| uv.into_f32().collect::<Vec<_>>());
+        let page = extras(primitive.extras())
+            .get("page")
+            .and_then(Value::as_u64);
+        let uv = reader
+            .read_tex_coords(1)
+            .map(|uv| uv.into_f32().collect::<Vec<_>>());
         let (uv, page) = match (uv, page) {
             (Some(uv), Some(page)) => (uv, page as f32),
             _ => (vec![[0.0; 2]; positions.len()], -1.0),
@@ -122,17 +138,24 @@ impl Scene {
             });
         }
         let count = positions.len() as u32;
-        let indices = reader.read_indices().map(|i| i.into_u32().collect::<Vec<_>>());
+        let indices = reader
+            .read_indices()
+            .map(|i| i.into_u32().collect::<Vec<_>>());
         let mut indices = indices.unwrap_or_else(|| (0..count).collect());
         if indices.iter().any(|&i| i >= count) || !indices.len().is_multiple_of(3) {
             return Err("its indices leave its vertices, or are not triangles".into());
         }
         // A mirroring transform turns the winding round (glTF 2.0, section 3.7.4).
         if to_local.determinant() < 0.0 {
-            indices.chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
+            indices
+                .chunks_exact_mut(3)
+                .for_each(|triangle| triangle.swap(1, 2));
         }
-        let list =
-            if material.double_sided() { &mut self.double_sided } else { &mut self.single_sided };
+        let list = if material.double_sided() {
+            &mut self.double_sided
+        } else {
+            &mut self.single_sided
+        };
         list.extend(indices.iter().map(|i| base + i));
         Ok(())
     }
@@ -140,6 +163,10 @@ impl Scene {
 
 /// The `lightkiln` object of an element's extras, or null.
 fn extras(extras: &gltf::json::Extras) -> Value {
-    let value = extras.as_ref().and_then(|raw| serde_json::from_str::<Value>(raw.get()).ok());
-    value.and_then(|mut v| v.get_mut("lightkiln").map(Value::take)).unwrap_or_default()
+    let value = extras
+        .as_ref()
+        .and_then(|raw| serde_json::from_str::<Value>(raw.get()).ok());
+    value
+        .and_then(|mut v| v.get_mut("lightkiln").map(Value::take))
+        .unwrap_or_default()
 }
