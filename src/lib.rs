@@ -43,7 +43,11 @@ pub fn prepare(manifest_file: &Path, spec: &SceneSpec, progress: &Progress) -> R
     let scene = scene::load(manifest_file, spec)?;
     let domain = Domain::atlas(&scene, &plan::atlas_options(spec), progress)?;
     let jobs = plan::jobs(spec, &scene, &domain);
-    Ok(Prepared { scene, domain, jobs })
+    Ok(Prepared {
+        scene,
+        domain,
+        jobs,
+    })
 }
 
 /// Output folder of a manifest.
@@ -69,7 +73,11 @@ pub fn bake(
     let output = output_dir(manifest_file, manifest);
     for spec in manifest.scenes.iter().filter(|s| wanted(&s.name)) {
         let prepared = prepare(manifest_file, spec, progress)?;
-        let Prepared { scene, domain, jobs } = &prepared;
+        let Prepared {
+            scene,
+            domain,
+            jobs,
+        } = &prepared;
         progress.stage(&spec.name, "building the hierarchy", 0);
         let tracer = Tracer::new(scene, Build::Good);
         for job in jobs {

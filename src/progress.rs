@@ -54,7 +54,8 @@ impl Progress {
     /// Sets the finished share of a stage that knows only that; fails when cancelled.
     pub fn share(&self, share: f32) -> bool {
         let total = self.lock().total;
-        self.done.store((f64::from(share) * total as f64) as u64, Ordering::Relaxed);
+        self.done
+            .store((f64::from(share) * total as f64) as u64, Ordering::Relaxed);
         !self.cancelled()
     }
 
@@ -66,7 +67,11 @@ impl Progress {
     /// The stage now, its finished steps, and all rays so far.
     pub fn now(&self) -> (Stage, u64, u64) {
         let stage = self.lock().clone();
-        (stage, self.done.load(Ordering::Relaxed), self.rays.load(Ordering::Relaxed))
+        (
+            stage,
+            self.done.load(Ordering::Relaxed),
+            self.rays.load(Ordering::Relaxed),
+        )
     }
 
     /// Asks the work to stop at the next block.
@@ -84,11 +89,17 @@ impl Progress {
     /// # Errors
     /// When cancelled.
     pub fn check(&self) -> Result<()> {
-        if self.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+        if self.cancelled() {
+            Err(Error::Interrupted)
+        } else {
+            Ok(())
+        }
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Stage> {
-        self.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+        self.stage
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 }
 

@@ -211,7 +211,10 @@ impl Prm {
             }
         }
         for (i, &[page, x, y, source]) in self.fill.iter().enumerate() {
-            let sound = self.point_texel.get(source as usize).is_some_and(|p| p[3] != UNSOUND);
+            let sound = self
+                .point_texel
+                .get(source as usize)
+                .is_some_and(|p| p[3] != UNSOUND);
             if outside([page, x, y]) || !sound {
                 let problem = format!(
                     "{:?} is not page, x, y inside a page and a sound point below {}",

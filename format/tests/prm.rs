@@ -65,7 +65,7 @@ fn every_rule_names_its_array_and_element() {
         ("cell_entries", 0, |p| p.cell_entries.clear()),
         ("point_texel", 9, |p| p.point_texel[9][0] = 3),
         ("point_texel", 9, |p| p.point_texel[9][1] = 999),
-        ("point_texel", 9, |p| p.point_texel[9][3] = 1),
+        ("point_texel", 9, |p| p.point_texel[9][3] = 2),
         ("point_texel", 9, |p| p.point_texel[9] = p.point_texel[8]),
         ("block_rows", 2, |p| p.block_rows[1] = u32::MAX),
         ("block_rows", 3, |p| p.block_rows.truncate(3)),

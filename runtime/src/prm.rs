@@ -14,7 +14,7 @@ use crate::error::RuntimeError;
 use crate::shadow_cube::{CUBE_WGSL, ShadowCubes};
 use lightkiln_format::direct::Lamp;
 use lightkiln_format::lighting::Light;
-use lightkiln_format::prm::{LANES, Prm, ROW, validate_visibility};
+use lightkiln_format::prm::{LANES, Prm, ROW, UNSOUND, validate_visibility};
 
 /// WGSL for host shaders: `Lamp` and `irradiance(lamp, position, normal)`.
 pub const LAMP_WGSL: &str = include_str!("../shaders/shared/lamp.wgsl");
@@ -368,7 +368,11 @@ impl Pipelines {
 
 /// Page, x, y and point of every texel that has a value.
 fn texels(prm: &Prm) -> Vec<[u32; 4]> {
-    let own = prm.point_texel.iter().enumerate();
+    let own = prm
+        .point_texel
+        .iter()
+        .enumerate()
+        .filter(|(_, t)| t[3] != UNSOUND);
     let own = own.map(|(i, t)| [t[0].into(), t[1].into(), t[2].into(), i as u32]);
     own.chain(prm.fill.iter().copied()).collect()
 }

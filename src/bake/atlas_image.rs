@@ -25,9 +25,19 @@ pub fn encode(file: &FilePath, prm: &Prm, domain: &Domain) -> Result<Vec<Vec<u8>
     let origin = DVec3::from_array(prm.origin);
     let place = |axis: usize| {
         let world = |p: Vec3| (p.as_dvec3() + origin)[axis] as f32;
-        domain.points.iter().map(move |p| world(p.position)).collect::<Vec<_>>()
+        domain
+            .points
+            .iter()
+            .map(move |p| world(p.position))
+            .collect::<Vec<_>>()
     };
-    let normal = |axis: usize| domain.points.iter().map(|p| p.normal[axis]).collect::<Vec<_>>();
+    let normal = |axis: usize| {
+        domain
+            .points
+            .iter()
+            .map(|p| p.normal[axis])
+            .collect::<Vec<_>>()
+    };
     let total = |k: usize| gain.iter().map(|g| g[k]).collect::<Vec<_>>();
     let layers: [(&str, Vec<f32>); 9] = [
         ("position.X", place(0)),
@@ -40,7 +50,9 @@ pub fn encode(file: &FilePath, prm: &Prm, domain: &Domain) -> Result<Vec<Vec<u8>
         ("G", total(1)),
         ("B", total(2)),
     ];
-    (0..prm.pages.len()).map(|page| encode_page(file, prm, page, &layers)).collect()
+    (0..prm.pages.len())
+        .map(|page| encode_page(file, prm, page, &layers))
+        .collect()
 }
 
 fn encode_page(
@@ -86,15 +98,16 @@ fn encode_page(
 pub fn read_points(files: &[std::path::PathBuf], prm: &Prm) -> Result<Vec<[Vec3; 2]>> {
     let mut points = vec![[Vec3::ZERO; 2]; prm.point_texel.len()];
     for (page, file) in files.iter().enumerate() {
-        let bad = |problem: String| {
-            Error::input(file, "image", problem, "bake the asset again")
-        };
+        let bad = |problem: String| Error::input(file, "image", problem, "bake the asset again");
         let image = read_first_flat_layer_from_file(file).map_err(|e| bad(e.to_string()))?;
         let [width, height] = prm.pages.get(page).copied().unwrap_or_default();
         if image.layer_data.size != Vec2(width as usize, height as usize) {
             return Err(bad(format!("is not {width} x {height} texels")));
         }
-        for (k, name) in ["position.X", "position.Y", "position.Z"].iter().enumerate() {
+        for (k, name) in ["position.X", "position.Y", "position.Z"]
+            .iter()
+            .enumerate()
+        {
             copy(&image, name, prm, page, |i, x| points[i][0][k] = x).map_err(bad)?;
         }
         for (k, name) in ["normal.X", "normal.Y", "normal.Z"].iter().enumerate() {
@@ -119,7 +132,10 @@ fn copy(
     let width = prm.pages[page][0] as usize;
     for (i, texel) in prm.point_texel.iter().enumerate() {
         if usize::from(texel[0]) == page {
-            put(i, pixels[usize::from(texel[2]) * width + usize::from(texel[1])]);
+            put(
+                i,
+                pixels[usize::from(texel[2]) * width + usize::from(texel[1])],
+            );
         }
     }
     Ok(())

@@ -38,7 +38,10 @@ pub fn publish(
 
     let written = baked.prm.write(&dir.join("prm.safetensors"))?;
     files.push(FileEntry::new(relative("prm.safetensors"), "data", written));
-    for (page, bytes) in atlas_image::encode(&dir, &baked.prm, domain)?.iter().enumerate() {
+    for (page, bytes) in atlas_image::encode(&dir, &baked.prm, domain)?
+        .iter()
+        .enumerate()
+    {
         let name = format!("atlas.{page}.exr");
         let written = atomic_write(&dir.join(&name), bytes)?;
         files.push(FileEntry::new(relative(&name), "atlas", written));
@@ -53,9 +56,20 @@ pub fn publish(
         Err(_) => Index::new(env!("CARGO_PKG_VERSION")),
     };
     index.tool_version = env!("CARGO_PKG_VERSION").into();
-    index.assets.retain(|a| (a.name.as_str(), a.technique.as_str()) != (&scene.name, job.technique));
-    let repairs = scene.findings.iter().chain(&baked.findings).map(note).collect();
-    let skip = |text: &String| Note { element: scene.name.clone(), reason: text.clone(), count: 1 };
+    index
+        .assets
+        .retain(|a| (a.name.as_str(), a.technique.as_str()) != (&scene.name, job.technique));
+    let repairs = scene
+        .findings
+        .iter()
+        .chain(&baked.findings)
+        .map(note)
+        .collect();
+    let skip = |text: &String| Note {
+        element: scene.name.clone(),
+        reason: text.clone(),
+        count: 1,
+    };
     index.assets.push(Asset {
         name: scene.name.clone(),
         technique: job.technique.into(),
@@ -70,8 +84,9 @@ pub fn publish(
             "entries_per_cell": job.parameters.entries_per_cell,
         }),
         plan_key: job.key.clone(),
-        statistics: serde_json::to_value(&baked.statistics)
-            .map_err(|e| Error::input(&path, "statistics", e.to_string(), "report this as a bug"))?,
+        statistics: serde_json::to_value(&baked.statistics).map_err(|e| {
+            Error::input(&path, "statistics", e.to_string(), "report this as a bug")
+        })?,
         skips: job.skips.iter().map(skip).collect(),
         repairs,
     });
@@ -90,13 +105,22 @@ fn note(finding: &Finding) -> Note {
 impl From<AssetError> for Error {
     fn from(error: AssetError) -> Self {
         match error {
-            AssetError::Io { path, action, source } => Self::io(&path, action, source),
-            AssetError::Damaged { path, part, problem } => {
-                Self::input(&path, part, problem, "bake the asset again")
-            }
-            AssetError::Invalid { path, source } => {
-                Self::input(&path, source.array, source.to_string(), "bake the asset again")
-            }
+            AssetError::Io {
+                path,
+                action,
+                source,
+            } => Self::io(&path, action, source),
+            AssetError::Damaged {
+                path,
+                part,
+                problem,
+            } => Self::input(&path, part, problem, "bake the asset again"),
+            AssetError::Invalid { path, source } => Self::input(
+                &path,
+                source.array,
+                source.to_string(),
+                "bake the asset again",
+            ),
             other => Self::input(Path::new(""), "asset", other.to_string(), "bake it again"),
         }
     }

@@ -1,9 +1,9 @@
 //! Precomputed radiance maps (S4, dossier 5.3): gathers the response of every reference point to
 //! every entry cell and stores it as block x cell-list rows.
 
+use crate::domain::Domain;
 use crate::domain::atlas::dilation;
 use crate::domain::cells::{CellOptions, Cells};
-use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::gather::operator::{self, Continuation};
 use crate::gather::{self, BLOCK, BackFaces, GatherOptions, Sink, Vertex};
@@ -99,16 +99,26 @@ pub fn bake(
     }
     progress.check()?;
     progress.stage(&scene.name, "solving late bounces", cells.len() as u64);
-    let continuation = operator::continuation(tracer, &cells, domain.seed, progress)
-        .ok_or(Error::Interrupted)?;
+    let continuation =
+        operator::continuation(tracer, &cells, domain.seed, progress).ok_or(Error::Interrupted)?;
     check_solution(scene, &continuation)?;
-    let sink = (Responses { cells: &cells, continuation: &continuation }, BackFaces { tracer });
+    let sink = (
+        Responses {
+            cells: &cells,
+            continuation: &continuation,
+        },
+        BackFaces { tracer },
+    );
     let options = GatherOptions {
         samples: parameters.samples,
         bounces: parameters.bounces,
         seed: domain.seed,
     };
-    progress.stage(&scene.name, "gathering", domain.points.len().div_ceil(BLOCK) as u64);
+    progress.stage(
+        &scene.name,
+        "gathering",
+        domain.points.len().div_ceil(BLOCK) as u64,
+    );
     let blocks = gather::gather(
         tracer,
         |rays, hits| tracer.closest(rays, hits),
@@ -129,8 +139,10 @@ pub fn entry_cells(tracer: &Tracer, parameters: &Parameters) -> Cells {
         entries_per_cell: parameters.entries_per_cell,
     };
     Cells::build(tracer.scene(), tracer.surfaces(), &options, &|pairs| {
-        let rays: Vec<Ray> =
-            pairs.iter().map(|&(a, b)| Ray::segment(a, b, NO_TRIANGLE)).collect();
+        let rays: Vec<Ray> = pairs
+            .iter()
+            .map(|&(a, b)| Ray::segment(a, b, NO_TRIANGLE))
+            .collect();
         let mut blocked = vec![false; rays.len()];
         tracer.occluded(&rays, &mut blocked);
         blocked.into_iter().map(|b| !b).collect()
@@ -141,7 +153,13 @@ fn check_solution(scene: &Scene, continuation: &Continuation) -> Result<()> {
     // 1e-6: a millionth of the response, far below what f16 stores; f64 elimination leaves 1e-12
     // unless I - T is singular.
     let sound = continuation.residual < 1e-6;
-    if sound && continuation.channels.iter().flatten().all(|x| x.is_finite() && *x >= -1e-6) {
+    if sound
+        && continuation
+            .channels
+            .iter()
+            .flatten()
+            .all(|x| x.is_finite() && *x >= -1e-6)
+    {
         return Ok(());
     }
     Err(Error::input(
@@ -213,7 +231,8 @@ impl Sink for Responses<'_> {
         let mut responses: [Vec<f64>; 3] =
             std::array::from_fn(|k| sums.walked.iter().map(|s| s[k]).collect());
         for k in 0..3 {
-            self.continuation.extend(k, &sums.tail[k], &mut responses[k]);
+            self.continuation
+                .extend(k, &sums.tail[k], &mut responses[k]);
             for response in &mut responses[k] {
                 *response /= f64::from(samples);
             }
@@ -227,7 +246,11 @@ impl Sink for Responses<'_> {
         for &cell in &kept {
             for channel in &responses {
                 rows.responses.extend((0..LANES).map(|lane| {
-                    let x = if lane < sums.points { channel[lane * n + cell] } else { 0.0 };
+                    let x = if lane < sums.points {
+                        channel[lane * n + cell]
+                    } else {
+                        0.0
+                    };
                     f16::from_f64(x.max(0.0))
                 }));
             }
@@ -239,12 +262,17 @@ impl Sink for Responses<'_> {
 /// Cells kept for a block, ascending, and the largest share of any lane's response dropped.
 fn keep(responses: &[Vec<f64>; 3], points: usize, cells: usize) -> (Vec<usize>, f64) {
     let luminance = |at: usize| responses.iter().map(|r| r[at]).sum::<f64>();
-    let totals: Vec<f64> =
-        (0..points).map(|p| (0..cells).map(|c| luminance(p * cells + c)).sum()).collect();
+    let totals: Vec<f64> = (0..points)
+        .map(|p| (0..cells).map(|c| luminance(p * cells + c)).sum())
+        .collect();
     let mut shares: Vec<(f64, usize)> = (0..cells)
         .map(|c| {
             let share = |p: usize| {
-                if totals[p] > 0.0 { luminance(p * cells + c) / totals[p] } else { 0.0 }
+                if totals[p] > 0.0 {
+                    luminance(p * cells + c) / totals[p]
+                } else {
+                    0.0
+                }
             };
             ((0..points).map(share).fold(0.0, f64::max), c)
         })
@@ -297,14 +325,25 @@ fn assemble(
     let mut prm = Prm {
         origin: scene.origin.to_array(),
         pages: domain.uvs.pages.clone(),
-        entry_position: cells.entries.iter().map(|e| e.position.to_array()).collect(),
+        entry_position: cells
+            .entries
+            .iter()
+            .map(|e| e.position.to_array())
+            .collect(),
         entry_normal: cells.entries.iter().map(|e| e.normal.to_array()).collect(),
         cell_entries: cells.first_entry.clone(),
         point_texel: domain
             .points
             .iter()
             .zip(&valid)
-            .map(|(p, &valid)| [p.page, p.texel[0], p.texel[1], if valid { 0 } else { UNSOUND }])
+            .map(|(p, &valid)| {
+                [
+                    p.page,
+                    p.texel[0],
+                    p.texel[1],
+                    if valid { 0 } else { UNSOUND },
+                ]
+            })
             .collect(),
         block_rows: vec![0],
         ..Prm::default()
@@ -322,14 +361,25 @@ fn assemble(
         // Points inside walls store nothing; their texels are filled.
         let lanes = index * LANES..((index + 1) * LANES).min(valid.len());
         for lane in lanes.filter(|&i| !valid[i]).map(|i| i % LANES) {
-            for value in prm.row_response[first..].iter_mut().skip(lane).step_by(LANES) {
+            for value in prm.row_response[first..]
+                .iter_mut()
+                .skip(lane)
+                .step_by(LANES)
+            {
                 *value = f16::ZERO;
             }
         }
     }
     prm.fill = dilation(&domain.uvs, &domain.points, &valid, DILATION)
         .into_iter()
-        .map(|f| [u32::from(f.page), u32::from(f.texel[0]), u32::from(f.texel[1]), f.source])
+        .map(|f| {
+            [
+                u32::from(f.page),
+                u32::from(f.texel[0]),
+                u32::from(f.texel[1]),
+                f.source,
+            ]
+        })
         .collect();
     let statistics = Statistics {
         points: domain.points.len() as u64,
@@ -343,13 +393,22 @@ fn assemble(
         operator_residual: continuation.residual,
         operator_row_sum: continuation.largest_row_sum,
     };
-    Baked { prm, statistics, findings }
+    Baked {
+        prm,
+        statistics,
+        findings,
+    }
 }
 
 /// A chart all of whose points see back faces has nothing to be filled from: it keeps its values
 /// and is reported.
 fn refuse_hopeless_charts(domain: &Domain, valid: &mut [bool], findings: &mut Vec<Finding>) {
-    let charts = domain.points.iter().map(|p| p.chart as usize + 1).max().unwrap_or(0);
+    let charts = domain
+        .points
+        .iter()
+        .map(|p| p.chart as usize + 1)
+        .max()
+        .unwrap_or(0);
     let mut hopeful = vec![false; charts];
     for (point, valid) in domain.points.iter().zip(valid.iter()) {
         hopeful[point.chart as usize] |= *valid;

@@ -21,38 +21,57 @@ pub fn run(scenes: &Scenes, progress: &Arc<Progress>) -> Result<u8> {
     let started = std::time::Instant::now();
     {
         let _watch = Watch::start(progress);
-        lightkiln::bake(&scenes.manifest, &manifest, |name| scenes.wants(name), progress, |prepared, tracer, baked, dir| {
-            progress.stage(&prepared.scene.name, "drawing pictures", 0);
-            pictures(prepared, tracer, baked, dir)?;
-            progress.finish();
-            let s = &baked.statistics;
-            summary.push(format!(
-                "{}: {} points, {} cells, {} ({:.0} % of dense)",
-                prepared.scene.name,
-                s.points,
-                s.cells,
-                bytes(s.rows * 386 + s.entry_points * 24 + s.points * 8),
-                100.0 * s.rows as f64 / s.dense_rows.max(1) as f64
-            ));
-            for finding in prepared.scene.findings.iter().chain(&baked.findings) {
-                summary.push(format!("  {}: {} ({})", finding.element, finding.what, finding.count));
-            }
-            Ok(())
-        })?;
+        lightkiln::bake(
+            &scenes.manifest,
+            &manifest,
+            |name| scenes.wants(name),
+            progress,
+            |prepared, tracer, baked, dir| {
+                progress.stage(&prepared.scene.name, "drawing pictures", 0);
+                pictures(prepared, tracer, baked, dir)?;
+                progress.finish();
+                let s = &baked.statistics;
+                summary.push(format!(
+                    "{}: {} points, {} cells, {} ({:.0} % of dense)",
+                    prepared.scene.name,
+                    s.points,
+                    s.cells,
+                    bytes(s.rows * 386 + s.entry_points * 24 + s.points * 8),
+                    100.0 * s.rows as f64 / s.dense_rows.max(1) as f64
+                ));
+                for finding in prepared.scene.findings.iter().chain(&baked.findings) {
+                    summary.push(format!(
+                        "  {}: {} ({})",
+                        finding.element, finding.what, finding.count
+                    ));
+                }
+                Ok(())
+            },
+        )?;
         timings(&output, progress)?;
     }
     for line in summary {
         println!("{line}");
     }
     let (_, _, rays) = progress.now();
-    println!("{} rays in {:.1} s", count(rays), started.elapsed().as_secs_f64());
+    println!(
+        "{} rays in {:.1} s",
+        count(rays),
+        started.elapsed().as_secs_f64()
+    );
     println!("pictures: {}/*/*.png", output.display());
     Ok(0)
 }
 
 /// `direct.png`, `lit.png` and `indirect.png` of the first lamp pose.
 fn pictures(prepared: &Prepared, tracer: &Tracer, baked: &Baked, dir: &Path) -> Result<()> {
-    let seen = view::see(tracer, &prepared.domain, &view::camera(tracer), SIZE.0, SIZE.1);
+    let seen = view::see(
+        tracer,
+        &prepared.domain,
+        &view::camera(tracer),
+        SIZE.0,
+        SIZE.1,
+    );
     let lamp = poses::poses(tracer, 1)[0].position;
     let albedo = seen.albedo();
     let radiance = |e: Vec3, rho: Vec3| e * rho * std::f32::consts::FRAC_1_PI;

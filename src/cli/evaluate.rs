@@ -14,12 +14,18 @@ use std::path::{Path, PathBuf};
 pub fn run(asset: &Path, lighting: &Path, out: Option<&Path>) -> Result<u8> {
     let file = asset.join("prm.safetensors");
     let prm = Prm::read(&file)?;
-    let lights = Lighting::read(lighting).map_err(|e| refused(lighting, &e))?.lights;
+    let lights = Lighting::read(lighting)
+        .map_err(|e| refused(lighting, &e))?
+        .lights;
     let scene = scene::load_file(&asset.join("scene.lit.glb"))?;
     let tracer = Tracer::new(&scene, Build::Fast);
     // Entry points are relative to the asset's origin, rays to the loaded scene's.
     let shift = (glam::DVec3::from_array(prm.origin) - scene.origin).as_vec3();
-    let entries: Vec<Vec3> = prm.entry_position.iter().map(|&p| Vec3::from(p) + shift).collect();
+    let entries: Vec<Vec3> = prm
+        .entry_position
+        .iter()
+        .map(|&p| Vec3::from(p) + shift)
+        .collect();
     let mut visible = Vec::with_capacity(lights.len() * entries.len());
     for light in &lights {
         visible.extend(match *light {
@@ -34,13 +40,19 @@ pub fn run(asset: &Path, lighting: &Path, out: Option<&Path>) -> Result<u8> {
         });
     }
     let cells = prm.cell_irradiance(&lights, &visible).map_err(|e| {
-        Error::input(lighting, "light", e.to_string(), "see the lighting file's documentation")
+        Error::input(
+            lighting,
+            "light",
+            e.to_string(),
+            "see the lighting file's documentation",
+        )
     })?;
     let values = prm
         .evaluate(&cells)
         .map_err(|e| Error::input(&file, "responses", e.to_string(), "bake the asset again"))?;
-    let pages: Vec<PathBuf> =
-        (0..prm.pages.len()).map(|p| asset.join(format!("atlas.{p}.exr"))).collect();
+    let pages: Vec<PathBuf> = (0..prm.pages.len())
+        .map(|p| asset.join(format!("atlas.{p}.exr")))
+        .collect();
     let points = read_points(&pages, &prm)?;
     let mut csv = String::from(
         "page,x,y,position_x,position_y,position_z,normal_x,normal_y,normal_z,\

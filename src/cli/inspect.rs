@@ -28,7 +28,11 @@ pub fn run(path: &Path) -> Result<u8> {
 
 fn folder(path: &Path) -> Result<u8> {
     let index = Index::read(path)?;
-    println!("{}: written by lightkiln {}", path.display(), index.tool_version);
+    println!(
+        "{}: written by lightkiln {}",
+        path.display(),
+        index.tool_version
+    );
     for asset in &index.assets {
         println!(
             "\n{} · {} ({} version {}) · plan {}",
@@ -41,7 +45,12 @@ fn folder(path: &Path) -> Result<u8> {
         println!("  parameters {}", asset.parameters);
         println!("  statistics {}", asset.statistics);
         for file in &asset.files {
-            println!("  {:<36} {:>10}  blake3 {}", file.path, bytes(file.bytes), &file.blake3[..16]);
+            println!(
+                "  {:<36} {:>10}  blake3 {}",
+                file.path,
+                bytes(file.bytes),
+                &file.blake3[..16]
+            );
         }
         for note in &asset.skips {
             println!("  skipped: {} ({})", note.reason, note.count);
@@ -56,7 +65,11 @@ fn folder(path: &Path) -> Result<u8> {
                     "  measured: median pose {}, worst {}{}",
                     value["median"],
                     value["worst"],
-                    if value["plan_key"] == asset.plan_key { "" } else { " (of an older bake)" }
+                    if value["plan_key"] == asset.plan_key {
+                        ""
+                    } else {
+                        " (of an older bake)"
+                    }
                 );
             }
         }
@@ -70,8 +83,16 @@ fn map(path: &Path) -> Result<u8> {
     println!("{}: precomputed radiance map", path.display());
     println!("  origin       {:?} m", prm.origin);
     println!("  pages        {:?} texels", prm.pages);
-    println!("  points       {} in {} blocks", prm.point_texel.len(), prm.blocks());
-    println!("  cells        {} with {} entry points", prm.cells(), prm.entry_position.len());
+    println!(
+        "  points       {} in {} blocks",
+        prm.point_texel.len(),
+        prm.blocks()
+    );
+    println!(
+        "  cells        {} with {} entry points",
+        prm.cells(),
+        prm.entry_position.len()
+    );
     println!(
         "  rows         {} ({:.1} % of {dense}), {}",
         prm.row_cell.len(),

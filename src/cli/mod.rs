@@ -137,10 +137,18 @@ fn dispatch(command: &Command, progress: &Arc<Progress>) -> Result<u8> {
         Command::Plan { scenes, format } => plan::run(scenes, *format, progress),
         Command::Bake { scenes } => bake::run(scenes, progress),
         Command::Inspect { path } => inspect::run(path),
-        Command::Evaluate { asset, lighting, out } => {
-            evaluate::run(asset, lighting, out.as_deref())
-        }
-        Command::Verify { scenes, max_error, poses, points, paths } => {
+        Command::Evaluate {
+            asset,
+            lighting,
+            out,
+        } => evaluate::run(asset, lighting, out.as_deref()),
+        Command::Verify {
+            scenes,
+            max_error,
+            poses,
+            points,
+            paths,
+        } => {
             let effort = lightkiln::verify::statistics::Effort {
                 poses: *poses,
                 points: *points,

@@ -37,7 +37,14 @@ pub fn run(scenes: &Scenes, format: Format, progress: &Arc<Progress>) -> Result<
         Format::Text => {
             println!(
                 "{:<16} {:<5} {:>9} {:>10} {:>9} {:>6} {:>7} {:>9} {:>10}  key",
-                "scene", "what", "triangles", "surface m2", "points", "cells", "samples", "rays <=",
+                "scene",
+                "what",
+                "triangles",
+                "surface m2",
+                "points",
+                "cells",
+                "samples",
+                "rays <=",
                 "bytes <="
             );
             for job in &jobs {
@@ -61,7 +68,10 @@ pub fn run(scenes: &Scenes, format: Format, progress: &Arc<Progress>) -> Result<
                 }
             }
             for (scene, finding) in &findings {
-                println!("{scene}: {}: {} ({})", finding.element, finding.what, finding.count);
+                println!(
+                    "{scene}: {}: {} ({})",
+                    finding.element, finding.what, finding.count
+                );
             }
         }
     }

@@ -52,7 +52,11 @@ pub fn run(
 }
 
 fn one(prepared: &Prepared, dir: &Path, effort: &Effort, progress: &Progress) -> Result<Summary> {
-    let Prepared { scene, domain, jobs } = prepared;
+    let Prepared {
+        scene,
+        domain,
+        jobs,
+    } = prepared;
     let file = dir.join("prm.safetensors");
     let prm = Prm::read(&file)?;
     if prm.point_texel.len() != domain.points.len() || prm.pages != domain.uvs.pages {
@@ -77,10 +81,18 @@ fn one(prepared: &Prepared, dir: &Path, effort: &Effort, progress: &Progress) ->
     let exposure = reference.exposure();
     let difference = baked.zip(&reference, |b, r| b - r);
     let n = reference.pixels.len() as f32;
-    let mean = reference.pixels.iter().map(|p| p.element_sum() / 3.0).sum::<f32>() / n;
+    let mean = reference
+        .pixels
+        .iter()
+        .map(|p| p.element_sum() / 3.0)
+        .sum::<f32>()
+        / n;
     let html = dir.join("verify.html");
     let figures = [
-        ("reference indirect irradiance (256 paths a pixel)", reference.to_png(exposure)),
+        (
+            "reference indirect irradiance (256 paths a pixel)",
+            reference.to_png(exposure),
+        ),
         ("baked indirect irradiance", baked.to_png(exposure)),
         (
             "difference: blue too dark, red too bright, full colour at 20 % of the mean",
@@ -89,7 +101,10 @@ fn one(prepared: &Prepared, dir: &Path, effort: &Effort, progress: &Progress) ->
     ]
     .into_iter()
     .map(|(caption, png)| {
-        Ok(Figure { caption: caption.into(), png: png.map_err(encoding(&html))? })
+        Ok(Figure {
+            caption: caption.into(),
+            png: png.map_err(encoding(&html))?,
+        })
     })
     .collect::<Result<Vec<_>>>()?;
     let json = serde_json::to_string_pretty(&summary).unwrap_or_default();

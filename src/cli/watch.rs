@@ -26,9 +26,16 @@ impl Watch {
         let over = Arc::new(AtomicBool::new(false));
         let (progress, stop) = (Arc::clone(progress), Arc::clone(&over));
         let thread = std::thread::spawn(move || {
-            if std::io::stderr().is_terminal() { bars(&progress, &stop) } else { lines(&progress, &stop) }
+            if std::io::stderr().is_terminal() {
+                bars(&progress, &stop)
+            } else {
+                lines(&progress, &stop)
+            }
         });
-        Self { over, thread: Some(thread) }
+        Self {
+            over,
+            thread: Some(thread),
+        }
     }
 }
 
@@ -93,7 +100,11 @@ fn lines(progress: &Progress, over: &AtomicBool) {
             last = Instant::now();
             let share = done as f64 / stage.total as f64;
             let elapsed = started.elapsed().as_secs_f64();
-            let left = if share > 0.0 { elapsed / share - elapsed } else { f64::NAN };
+            let left = if share > 0.0 {
+                elapsed / share - elapsed
+            } else {
+                f64::NAN
+            };
             eprintln!(
                 "{}: {}: {:.0} %, {left:.0} s left, {:.1} M rays so far",
                 stage.scene,

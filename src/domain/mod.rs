@@ -50,7 +50,12 @@ impl Domain {
         }
         let digest = *hasher.finalize().as_bytes();
         let seed = u32::from_le_bytes([digest[0], digest[1], digest[2], digest[3]]);
-        Ok(Self { uvs, points, digest, seed })
+        Ok(Self {
+            uvs,
+            points,
+            digest,
+            seed,
+        })
     }
 }
 

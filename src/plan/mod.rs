@@ -54,7 +54,9 @@ pub fn atlas_options(spec: &SceneSpec) -> AtlasOptions {
         texels_per_metre: domain
             .and_then(|d| d.texels_per_metre)
             .unwrap_or(DEFAULT_TEXELS_PER_METRE) as f32,
-        page_size: domain.and_then(|d| d.page_size).unwrap_or(DEFAULT_PAGE_SIZE),
+        page_size: domain
+            .and_then(|d| d.page_size)
+            .unwrap_or(DEFAULT_PAGE_SIZE),
         ..AtlasOptions::default()
     }
 }
@@ -122,13 +124,23 @@ fn skips(scene: &Scene) -> Vec<String> {
     use crate::scene::Role;
     let mut skips = Vec::new();
     for (role, why) in [
-        (Role::Dynamic, "moves at run time: not part of the static transport"),
+        (
+            Role::Dynamic,
+            "moves at run time: not part of the static transport",
+        ),
         (Role::Portal, "light passes: not traced"),
         (Role::Ignore, "excluded by the manifest"),
-        (Role::Occluder, "blocks and reflects light, receives no lightmap"),
+        (
+            Role::Occluder,
+            "blocks and reflects light, receives no lightmap",
+        ),
     ] {
-        let count: usize =
-            scene.instances.iter().filter(|i| i.role == role).map(|i| i.triangles.len()).sum();
+        let count: usize = scene
+            .instances
+            .iter()
+            .filter(|i| i.role == role)
+            .map(|i| i.triangles.len())
+            .sum();
         if count > 0 {
             skips.push(format!("{count} triangles with role {role:?}: {why}"));
         }
@@ -139,7 +151,9 @@ fn skips(scene: &Scene) -> Vec<String> {
         .filter(|m| !m.has_albedo_texture() && m.constant_albedo().max_element() <= 0.0)
         .count();
     if black > 0 {
-        skips.push(format!("{black} black materials: walks end on them, exactly"));
+        skips.push(format!(
+            "{black} black materials: walks end on them, exactly"
+        ));
     }
     skips
 }

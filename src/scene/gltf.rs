@@ -148,7 +148,10 @@ fn read_buffers<'a>(
 /// The role in `extras`, if any; a value that is none is reported.
 fn role_in(extras: &::gltf::json::Extras, element: &str, loaded: &mut Loaded) -> Option<Role> {
     let extras: serde_json::Value = serde_json::from_str(extras.as_ref()?.get()).ok()?;
-    let value = extras.get("role")?;
+    // The lit scene keeps all its extras under the tool's own name.
+    let value = extras
+        .get("role")
+        .or_else(|| extras.get("lightkiln")?.get("role"))?;
     let role = Role::deserialize(value).ok();
     if role.is_none() {
         loaded.find(

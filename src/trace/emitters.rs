@@ -28,7 +28,11 @@ pub struct Sky<'a> {
 
 impl Sky<'_> {
     fn turned(&self, direction: Vec3, angle: f32) -> Vec3 {
-        if angle == 0.0 { direction } else { Quat::from_rotation_y(angle) * direction }
+        if angle == 0.0 {
+            direction
+        } else {
+            Quat::from_rotation_y(angle) * direction
+        }
     }
 
     fn radiance(&self, direction: Vec3) -> Vec3 {
@@ -42,7 +46,11 @@ impl Sky<'_> {
     /// Direction, radiance and density (1/sr).
     fn sample(&self, u: Vec2) -> (Vec3, Vec3, f32) {
         let (direction, radiance, pdf) = self.map.sample(u);
-        (self.turned(direction, self.rotation), radiance * self.scale, pdf)
+        (
+            self.turned(direction, self.rotation),
+            radiance * self.scale,
+            pdf,
+        )
     }
 }
 
@@ -117,19 +125,18 @@ impl Receiver {
 
 impl<'a> Emitters<'a> {
     /// Collects lamps (world space), the scene's emissive triangles if `surfaces`, and a sky.
-    pub fn new(
-        scene: &Scene,
-        lights: &[Light],
-        surfaces: bool,
-        sky: Option<Sky<'a>>,
-    ) -> Self {
+    pub fn new(scene: &Scene, lights: &[Light], surfaces: bool, sky: Option<Sky<'a>>) -> Self {
         let lamps = lights.iter().map(|light| Lamp::of(scene, light)).collect();
         let surfaces = if surfaces {
             EmissiveSurfaces::of(scene)
         } else {
             None
         };
-        Self { lamps, surfaces, sky }
+        Self {
+            lamps,
+            surfaces,
+            sky,
+        }
     }
 
     /// Lamps alone: what moves at run time.

@@ -29,8 +29,14 @@ pub fn poses(tracer: &Tracer, count: u32) -> Vec<Pose> {
             let position = inside(&volumes, i);
             let near = i % NEAR_EVERY == NEAR_EVERY - 1;
             match near.then(|| near_surface(tracer, position, i)).flatten() {
-                Some(position) => Pose { position, near: true },
-                None => Pose { position, near: false },
+                Some(position) => Pose {
+                    position,
+                    near: true,
+                },
+                None => Pose {
+                    position,
+                    near: false,
+                },
             }
         })
         .collect()
@@ -43,7 +49,10 @@ pub fn lamp_volumes(scene: &Scene) -> Vec<Bounds> {
     }
     let bounds = scene.bounds();
     let quarter = (bounds.max - bounds.min) * 0.25;
-    vec![Bounds { min: bounds.min + quarter, max: bounds.max - quarter }]
+    vec![Bounds {
+        min: bounds.min + quarter,
+        max: bounds.max - quarter,
+    }]
 }
 
 /// Point `i` of a Sobol sequence over the union of boxes, by volume.

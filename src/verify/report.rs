@@ -78,7 +78,10 @@ fn plot(summary: &Summary) -> String {
     let mut poses: Vec<_> = summary.poses.iter().collect();
     poses.sort_by(|a, b| a.relative_rms.total_cmp(&b.relative_rms));
     let (width, height) = (760.0, 180.0);
-    let top = poses.iter().map(|p| p.relative_rms + p.interval).fold(0.01, f64::max);
+    let top = poses
+        .iter()
+        .map(|p| p.relative_rms + p.interval)
+        .fold(0.01, f64::max);
     let step = width / poses.len().max(1) as f64;
     let y = |v: f64| height - v.max(0.0) / top * height;
     let mut svg = format!(
@@ -88,7 +91,11 @@ fn plot(summary: &Summary) -> String {
     );
     for (i, pose) in poses.iter().enumerate() {
         let x = (i as f64 + 0.5) * step;
-        let colour = if pose.near_surface { "#c8553d" } else { "#3d6fc8" };
+        let colour = if pose.near_surface {
+            "#c8553d"
+        } else {
+            "#3d6fc8"
+        };
         let _ = write!(
             svg,
             "<rect x='{:.1}' y='{:.1}' width='{:.1}' height='{:.1}' fill='{colour}'/>\
@@ -119,7 +126,10 @@ fn plot(summary: &Summary) -> String {
 }
 
 fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('\'', "&#39;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('\'', "&#39;")
 }
 
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:1100px;\

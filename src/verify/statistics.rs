@@ -71,7 +71,11 @@ pub fn entry_visibility(tracer: &Tracer, prm: &Prm, position: Vec3) -> Vec<f32> 
 /// A white point lamp of 1 W/sr at a local position.
 pub fn unit_lamp(tracer: &Tracer, position: Vec3) -> Light {
     let position = position.as_dvec3() + tracer.scene().origin;
-    Light::Point { position, intensity: Vec3::ONE, radius: 0.0 }
+    Light::Point {
+        position,
+        intensity: Vec3::ONE,
+        radius: 0.0,
+    }
 }
 
 /// Indirect irradiance of every reference point from the asset, visibility by rays.
@@ -81,10 +85,11 @@ pub fn unit_lamp(tracer: &Tracer, position: Vec3) -> Light {
 pub fn baked_irradiance(tracer: &Tracer, prm: &Prm, position: Vec3) -> Result<Vec<[f32; 3]>> {
     let visibility = entry_visibility(tracer, prm, position);
     let light = unit_lamp(tracer, position);
-    let bad = |e: String| {
-        crate::error::Error::input("asset".as_ref(), "prm", e, "bake the asset again")
-    };
-    let cells = prm.cell_irradiance(&[light], &visibility).map_err(|e| bad(e.to_string()))?;
+    let bad =
+        |e: String| crate::error::Error::input("asset".as_ref(), "prm", e, "bake the asset again");
+    let cells = prm
+        .cell_irradiance(&[light], &visibility)
+        .map_err(|e| bad(e.to_string()))?;
     prm.evaluate(&cells).map_err(|e| bad(e.to_string()))
 }
 
@@ -105,7 +110,11 @@ pub fn compare(
 ) -> Result<Vec<PoseError>> {
     let filled: std::collections::HashSet<[u32; 3]> =
         prm.fill.iter().map(|f| [f[0], f[1], f[2]]).collect();
-    progress.stage(&tracer.scene().name, "tracing the reference", poses.len() as u64);
+    progress.stage(
+        &tracer.scene().name,
+        "tracing the reference",
+        poses.len() as u64,
+    );
     poses
         .iter()
         .enumerate()
@@ -113,8 +122,10 @@ pub fn compare(
             progress.check()?;
             let chosen = choose(domain, effort.points, number as u32, &filled);
             let baked = baked_irradiance(tracer, prm, pose.position)?;
-            let receivers: Vec<Receiver> =
-                chosen.iter().map(|&i| receiver(&domain.points[i])).collect();
+            let receivers: Vec<Receiver> = chosen
+                .iter()
+                .map(|&i| receiver(&domain.points[i]))
+                .collect();
             let lamp = unit_lamp(tracer, pose.position);
             let halves = reference_halves(tracer, &lamp, &receivers, effort.paths, number as u32);
             progress.step(1);
@@ -141,7 +152,10 @@ pub fn reference_halves(
             max_bounces: None,
             seed: crate::trace::sampler::mix(0x51ed, 2 * seed + half),
         };
-        path::irradiance(tracer, &emitters, receivers, &options).iter().map(|e| e.mean).collect()
+        path::irradiance(tracer, &emitters, receivers, &options)
+            .iter()
+            .map(|e| e.mean)
+            .collect()
     })
 }
 
@@ -178,21 +192,29 @@ fn choose(
 fn pose_error(pose: &Pose, lamp: &Light, found: Vec<DVec3>, halves: &[Vec<DVec3>; 2]) -> PoseError {
     let n = found.len() as f64;
     let third = |v: DVec3| v.element_sum() / 3.0;
-    let reference: Vec<DVec3> =
-        halves[0].iter().zip(&halves[1]).map(|(a, b)| (*a + *b) * 0.5).collect();
+    let reference: Vec<DVec3> = halves[0]
+        .iter()
+        .zip(&halves[1])
+        .map(|(a, b)| (*a + *b) * 0.5)
+        .collect();
     let mean = reference.iter().map(|r| third(*r)).sum::<f64>() / n;
     let squares: Vec<f64> = (0..found.len())
         .map(|i| third((found[i] - halves[0][i]) * (found[i] - halves[1][i])))
         .collect();
     let square = squares.iter().sum::<f64>() / n;
     let spread = squares.iter().map(|s| (s - square).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    let bias = (0..found.len()).map(|i| third(found[i] - reference[i])).sum::<f64>() / n;
+    let bias = (0..found.len())
+        .map(|i| third(found[i] - reference[i]))
+        .sum::<f64>()
+        / n;
     let noise = (0..found.len())
         .map(|i| third(((halves[0][i] - halves[1][i]) * 0.5).powf(2.0)))
         .sum::<f64>()
         / n;
     let rms = square.max(0.0).sqrt();
-    let Light::Point { position, .. } = lamp else { unreachable!("poses are point lamps") };
+    let Light::Point { position, .. } = lamp else {
+        unreachable!("poses are point lamps")
+    };
     PoseError {
         lamp: position.to_array(),
         near_surface: pose.near,
@@ -210,10 +232,18 @@ pub fn summarise(scene: &str, plan_key: &str, effort: &Effort, poses: Vec<PoseEr
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         let n = values.len();
-        if n == 0 { f64::NAN } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
+        if n == 0 {
+            f64::NAN
+        } else {
+            0.5 * (values[(n - 1) / 2] + values[n / 2])
+        }
     };
     let all: Vec<f64> = poses.iter().map(|p| p.relative_rms).collect();
-    let near = poses.iter().filter(|p| p.near_surface).map(|p| p.relative_rms).collect();
+    let near = poses
+        .iter()
+        .filter(|p| p.near_surface)
+        .map(|p| p.relative_rms)
+        .collect();
     Summary {
         scene: scene.into(),
         plan_key: plan_key.into(),

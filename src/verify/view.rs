@@ -65,7 +65,11 @@ pub fn camera(tracer: &Tracer) -> View {
         }
     }
     let (eye, forward) = best.1.unwrap_or((Vec3::ZERO, Vec3::X));
-    View { eye, target: eye + forward, vertical_fov: 60_f32.to_radians() }
+    View {
+        eye,
+        target: eye + forward,
+        vertical_fov: 60_f32.to_radians(),
+    }
 }
 
 /// Mean logarithm of the distances seen in a cone of 60 degrees; back faces and misses count as
@@ -95,17 +99,25 @@ fn openness(tracer: &Tracer, eye: Vec3, forward: Vec3) -> f32 {
 /// Traces the camera's rays.
 pub fn see(tracer: &Tracer, domain: &Domain, view: &View, width: u32, height: u32) -> Seen {
     let forward = (view.target - view.eye).normalize_or(Vec3::NEG_Z);
-    let side = if forward.y.abs() > 0.999 { Vec3::Z } else { Vec3::Y };
+    let side = if forward.y.abs() > 0.999 {
+        Vec3::Z
+    } else {
+        Vec3::Y
+    };
     let right = forward.cross(side).normalize();
     let up = right.cross(forward);
     let half = (view.vertical_fov * 0.5).tan();
     let rays: Vec<Ray> = (0..width * height)
         .map(|i| {
             let (x, y) = (i % width, i / width);
-            let sx = (2.0 * (x as f32 + 0.5) / width as f32 - 1.0) * half * width as f32
-                / height as f32;
+            let sx =
+                (2.0 * (x as f32 + 0.5) / width as f32 - 1.0) * half * width as f32 / height as f32;
             let sy = (1.0 - 2.0 * (y as f32 + 0.5) / height as f32) * half;
-            Ray::new(view.eye, (forward + right * sx + up * sy).normalize(), NO_TRIANGLE)
+            Ray::new(
+                view.eye,
+                (forward + right * sx + up * sy).normalize(),
+                NO_TRIANGLE,
+            )
         })
         .collect();
     let mut hits = vec![Hit::MISS; rays.len()];
@@ -125,7 +137,11 @@ pub fn see(tracer: &Tracer, domain: &Domain, view: &View, width: u32, height: u3
             let smooth = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
             let smooth = if point.front { smooth } else { -smooth };
             let normal = smooth.normalize_or(point.normal);
-            let normal = if normal.dot(point.normal) > 0.0 { normal } else { point.normal };
+            let normal = if normal.dot(point.normal) > 0.0 {
+                normal
+            } else {
+                point.normal
+            };
             let receiver = Receiver {
                 position: point.position,
                 normal,
@@ -135,17 +151,34 @@ pub fn see(tracer: &Tracer, domain: &Domain, view: &View, width: u32, height: u3
             let page = domain.uvs.page_of[hit.triangle as usize];
             let [a, b, c] = domain.uvs.corners[hit.triangle as usize];
             let texel = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
-            Some(Sighting { surface: point, receiver, page, texel })
+            Some(Sighting {
+                surface: point,
+                receiver,
+                page,
+                texel,
+            })
         })
         .collect();
-    Seen { width, height, pixels }
+    Seen {
+        width,
+        height,
+        pixels,
+    }
 }
 
 impl Seen {
     /// One value a pixel; black where nothing is seen.
     fn map(&self, f: impl Fn(&Sighting) -> Vec3 + Sync) -> Picture {
-        let pixels = self.pixels.par_iter().map(|p| p.as_ref().map_or(Vec3::ZERO, &f)).collect();
-        Picture { width: self.width, height: self.height, pixels }
+        let pixels = self
+            .pixels
+            .par_iter()
+            .map(|p| p.as_ref().map_or(Vec3::ZERO, &f))
+            .collect();
+        Picture {
+            width: self.width,
+            height: self.height,
+            pixels,
+        }
     }
 
     /// Diffuse albedo.
@@ -162,7 +195,12 @@ impl Seen {
             let mut blocked = vec![false; incident.len()];
             let rays: Vec<Ray> = incident.iter().map(|i| i.ray).collect();
             tracer.occluded(&rays, &mut blocked);
-            incident.iter().zip(blocked).filter(|(_, b)| !b).map(|(i, _)| i.irradiance).sum()
+            incident
+                .iter()
+                .zip(blocked)
+                .filter(|(_, b)| !b)
+                .map(|(i, _)| i.irradiance)
+                .sum()
         })
     }
 
@@ -202,23 +240,42 @@ impl Seen {
         let pixels = self
             .pixels
             .iter()
-            .map(|p| if p.is_some() { values.next().unwrap_or_default() } else { Vec3::ZERO })
+            .map(|p| {
+                if p.is_some() {
+                    values.next().unwrap_or_default()
+                } else {
+                    Vec3::ZERO
+                }
+            })
             .collect();
-        Picture { width: self.width, height: self.height, pixels }
+        Picture {
+            width: self.width,
+            height: self.height,
+            pixels,
+        }
     }
 }
 
 impl Picture {
     /// Pixel by pixel from two pictures of one size.
     pub fn zip(&self, other: &Self, f: impl Fn(Vec3, Vec3) -> Vec3) -> Self {
-        let pixels = self.pixels.iter().zip(&other.pixels).map(|(a, b)| f(*a, *b)).collect();
+        let pixels = self
+            .pixels
+            .iter()
+            .zip(&other.pixels)
+            .map(|(a, b)| f(*a, *b))
+            .collect();
         Self { pixels, ..*self }
     }
 
     /// Exposure that brings the 95th percentile of the brightest channel to 0.8.
     pub fn exposure(&self) -> f32 {
-        let mut values: Vec<f32> =
-            self.pixels.iter().map(|p| p.max_element()).filter(|v| *v > 0.0).collect();
+        let mut values: Vec<f32> = self
+            .pixels
+            .iter()
+            .map(|p| p.max_element())
+            .filter(|v| *v > 0.0)
+            .collect();
         values.sort_by(f32::total_cmp);
         values.get(values.len() * 95 / 100).map_or(1.0, |v| 0.8 / v)
     }
@@ -229,11 +286,19 @@ impl Picture {
     /// Those of the encoder, as text.
     pub fn to_png(&self, exposure: f32) -> std::result::Result<Vec<u8>, String> {
         let shoulder = |x: f32| {
-            if x <= 0.8 { x } else { 0.8 + 0.2 * (1.0 - (-(x - 0.8) / 0.2).exp()) }
+            if x <= 0.8 {
+                x
+            } else {
+                0.8 + 0.2 * (1.0 - (-(x - 0.8) / 0.2).exp())
+            }
         };
         let encode = |x: f32| {
             let x = shoulder(x * exposure);
-            let s = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+            let s = if x <= 0.003_130_8 {
+                12.92 * x
+            } else {
+                1.055 * x.powf(1.0 / 2.4) - 0.055
+            };
             (s.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
         };
         self.encode_png(|p| p.to_array().map(encode))
@@ -248,7 +313,11 @@ impl Picture {
         self.encode_png(|p| {
             let x = (p.element_sum() / 3.0 / limit).clamp(-1.0, 1.0);
             let fade = ((1.0 - x.abs()) * 255.0 + 0.5) as u8;
-            if x >= 0.0 { [255, fade, fade] } else { [fade, fade, 255] }
+            if x >= 0.0 {
+                [255, fade, fade]
+            } else {
+                [fade, fade, 255]
+            }
         })
     }
 
