@@ -4,6 +4,8 @@
 mod analytic;
 /// Lightmap atlas: coverage, charts, determinism.
 mod atlas;
+/// Precomputed radiance maps.
+mod prm;
 /// Loading glTF and OBJ, manifests, materials, refusals.
 mod scene;
 /// Scenes built in memory.
