@@ -11,6 +11,7 @@ use clap::{Parser, Subcommand};
 use lightkiln::error::{Error, Result};
 use lightkiln::manifest::Manifest;
 use lightkiln::progress::Progress;
+use lightkiln::scene::Finding;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -183,6 +184,29 @@ fn count(n: u64) -> String {
     } else {
         format!("{n}")
     }
+}
+
+/// One line for all findings that say the same of different elements; `index.json` has them all.
+fn grouped<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Vec<String> {
+    let mut groups: Vec<(&str, &str, usize, u64)> = Vec::new();
+    for finding in findings {
+        match groups.iter_mut().find(|g| g.1 == finding.what) {
+            Some(group) => {
+                group.2 += 1;
+                group.3 += finding.count;
+            }
+            None => groups.push((&finding.element, &finding.what, 0, finding.count)),
+        }
+    }
+    let line = |(element, what, others, count): (&str, &str, usize, u64)| {
+        let others = if others > 0 {
+            format!(" and {others} more")
+        } else {
+            String::new()
+        };
+        format!("  {element}{others}: {what} ({count})")
+    };
+    groups.into_iter().map(line).collect()
 }
 
 /// Writes a file whole or not at all.
