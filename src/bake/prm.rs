@@ -7,6 +7,7 @@ use crate::domain::cells::{CellOptions, Cells};
 use crate::error::{Error, Result};
 use crate::gather::operator::{self, Continuation};
 use crate::gather::{self, BLOCK, BackFaces, GatherOptions, Sink, Vertex};
+use crate::plan::Parameters;
 use crate::progress::Progress;
 use crate::scene::{Finding, Scene};
 use crate::trace::{NO_TRIANGLE, Ray, Tracer};
@@ -26,19 +27,6 @@ const DROPPED_SHARE: f64 = 1.0 / 2048.0;
 
 /// Texels by which charts are widened.
 const DILATION: u32 = 4;
-
-/// Resolved parameters of a bake.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Parameters {
-    /// Paths a reference point.
-    pub samples: u32,
-    /// Hits walked one by one; the operator between cells carries on.
-    pub bounces: u32,
-    /// Entry cells aimed at.
-    pub cells: u32,
-    /// Entry points a cell.
-    pub entries_per_cell: u32,
-}
 
 /// What the bake counted, for the index.
 #[derive(Debug, Clone, Serialize)]
@@ -215,12 +203,12 @@ impl Sink for Responses<'_> {
             let at = base + self.cells.find(&vertex.point) as usize;
             let weight = vertex.weight.to_array();
             let sum = &mut sums.walked[at];
-            for k in 0..3 {
-                sum[k] += f64::from(weight[k]);
+            for (sum, weight) in sum.iter_mut().zip(weight) {
+                *sum += f64::from(weight);
             }
             if vertex.last {
-                for k in 0..3 {
-                    sums.tail[k][at] += weight[k];
+                for (tail, weight) in sums.tail.iter_mut().zip(weight) {
+                    tail[at] += weight;
                 }
             }
         }
@@ -230,10 +218,9 @@ impl Sink for Responses<'_> {
         let n = self.cells.len();
         let mut responses: [Vec<f64>; 3] =
             std::array::from_fn(|k| sums.walked.iter().map(|s| s[k]).collect());
-        for k in 0..3 {
-            self.continuation
-                .extend(k, &sums.tail[k], &mut responses[k]);
-            for response in &mut responses[k] {
+        for (k, (channel, tail)) in responses.iter_mut().zip(&sums.tail).enumerate() {
+            self.continuation.extend(k, tail, channel);
+            for response in channel {
                 *response /= f64::from(samples);
             }
         }
