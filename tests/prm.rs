@@ -3,10 +3,11 @@
 use crate::analytic::sidak_t7;
 use crate::shapes::Builder;
 use glam::{DVec3, Vec3};
-use lightkiln::bake::prm::{Baked, Parameters, bake};
+use lightkiln::bake::prm::{Baked, bake};
 use lightkiln::domain::atlas::AtlasOptions;
 use lightkiln::domain::{Domain, ReferencePoint};
 use lightkiln::gather::{self, GatherOptions, Sink, Vertex};
+use lightkiln::plan::Parameters;
 use lightkiln::progress::Progress;
 use lightkiln::scene::Scene;
 use lightkiln::scene::material::Material;

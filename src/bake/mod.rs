@@ -2,6 +2,7 @@
 //! the asset, its pictures and the index.
 
 pub mod atlas_image;
+pub mod lit_scene;
 pub mod prm;
 
 use crate::domain::Domain;
@@ -46,7 +47,7 @@ pub fn publish(
         let written = atomic_write(&dir.join(&name), bytes)?;
         files.push(FileEntry::new(relative(&name), "atlas", written));
     }
-    let glb = crate::scene::write::write_glb(scene, Some(&domain.uvs))?;
+    let glb = lit_scene::write_glb(scene, Some(&domain.uvs))?;
     let written = atomic_write(&dir.join("scene.lit.glb"), &glb)?;
     files.push(FileEntry::new(relative("scene.lit.glb"), "scene", written));
 

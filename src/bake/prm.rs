@@ -7,6 +7,7 @@ use crate::domain::{Domain, ReferencePoint};
 use crate::error::{Error, Result};
 use crate::gather::operator::{self, Continuation};
 use crate::gather::{self, BLOCK, BackFaces, GatherOptions, Sink, Vertex};
+use crate::plan::Parameters;
 use crate::progress::Progress;
 use crate::scene::{Finding, Scene};
 use crate::trace::{NO_TRIANGLE, Ray, Tracer};
@@ -26,19 +27,6 @@ const DROPPED_SHARE: f64 = 1.0 / 2048.0;
 
 /// Texels by which charts are widened.
 const DILATION: u32 = 4;
-
-/// Resolved parameters of a bake.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Parameters {
-    /// Paths a reference point.
-    pub samples: u32,
-    /// Hits walked one by one; the operator between cells carries on.
-    pub bounces: u32,
-    /// Entry cells aimed at.
-    pub cells: u32,
-    /// Entry points a cell.
-    pub entries_per_cell: u32,
-}
 
 /// What the bake counted, for the index.
 #[derive(Debug, Clone, Serialize)]
@@ -228,13 +216,15 @@ impl Sink for Responses<'_> {
         for vertex in vertices {
             let cell = self.cells.find(&vertex.point) as usize;
             let weight = vertex.weight.to_array();
-            for k in 0..3 {
-                walked[cell][k] += f64::from(weight[k]);
+            for (sum, weight) in walked[cell].iter_mut().zip(weight) {
+                *sum += f64::from(weight);
             }
             if vertex.last {
-                for k in 0..3 {
-                    sums.tail[k][sums.group[lane] * n + cell] += weight[k];
-                    sums.stopped[lane][k] += f64::from(weight[k]);
+                let at = sums.group[lane] * n + cell;
+                let stopped = &mut sums.stopped[lane];
+                for ((tail, stopped), weight) in sums.tail.iter_mut().zip(stopped).zip(weight) {
+                    tail[at] += weight;
+                    *stopped += f64::from(weight);
                 }
             }
         }
@@ -245,8 +235,8 @@ impl Sink for Responses<'_> {
         let lanes = sums.group.len();
         let mut together = vec![[0.0_f64; 3]; sums.tail[0].len() / n];
         for (&group, stopped) in sums.group.iter().zip(&sums.stopped) {
-            for k in 0..3 {
-                together[group][k] += stopped[k];
+            for (sum, stopped) in together[group].iter_mut().zip(stopped) {
+                *sum += stopped;
             }
         }
         let responses: [Vec<f64>; 3] = std::array::from_fn(|k| {
