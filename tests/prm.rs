@@ -130,7 +130,7 @@ fn agrees_with_the_path_tracer_in_a_coloured_room() {
         .iter()
         .map(|&i| gather::receiver(&domain.points[i]))
         .collect();
-    let emitters = Emitters::lamps(&scene, &[unit_lamp(&tracer, lamp)]);
+    let emitters = Emitters::lamps(&scene, &[unit_lamp(&tracer, lamp)]).unwrap();
     let options = Options {
         part: Part::Indirect,
         paths: 512,

@@ -75,7 +75,7 @@ fn pictures(prepared: &Prepared, tracer: &Tracer, baked: &Baked, dir: &Path) -> 
     let lamp = poses::poses(tracer, 1)[0].position;
     let albedo = seen.albedo();
     let radiance = |e: Vec3, rho: Vec3| e * rho * std::f32::consts::FRAC_1_PI;
-    let direct = seen.direct(tracer, lamp).zip(&albedo, radiance);
+    let direct = seen.direct(tracer, lamp)?.zip(&albedo, radiance);
     let indirect = seen.baked(tracer, &baked.prm, lamp)?.zip(&albedo, radiance);
     let lit = direct.zip(&indirect, |a, b| a + b);
     let exposure = lit.exposure();

@@ -207,7 +207,7 @@ impl Check<'_> {
             ("samples", bake.samples, 1, MAX_SAMPLES),
             ("cells", bake.cells, 1, MAX_CELLS),
             ("entries_per_cell", bake.entries_per_cell, 1, 1 << 16),
-            ("bounces", bake.bounces, 0, 1000),
+            ("bounces", bake.bounces, 1, 64),
         ];
         for (key, value, least, most) in counts {
             self.that(

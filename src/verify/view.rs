@@ -191,9 +191,12 @@ impl Seen {
     }
 
     /// Direct irradiance of a point lamp of 1 W/sr, W/m².
-    pub fn direct(&self, tracer: &Tracer, lamp: Vec3) -> Picture {
-        let emitters = Emitters::lamps(tracer.scene(), &[unit_lamp(tracer, lamp)]);
-        self.map(|seen| {
+    ///
+    /// # Errors
+    /// Those of the lamp's position.
+    pub fn direct(&self, tracer: &Tracer, lamp: Vec3) -> Result<Picture> {
+        let emitters = Emitters::lamps(tracer.scene(), &[unit_lamp(tracer, lamp)])?;
+        Ok(self.map(|seen| {
             let mut incident = Vec::new();
             emitters.incident(tracer, &seen.receiver, [0.5; 4], &mut incident);
             let mut blocked = vec![false; incident.len()];
@@ -205,7 +208,7 @@ impl Seen {
                 .filter(|(_, b)| !b)
                 .map(|(i, _)| i.irradiance)
                 .sum()
-        })
+        }))
     }
 
     /// Indirect irradiance of the same lamp from the asset's lightmap, bilinear, W/m².
@@ -254,7 +257,7 @@ impl Seen {
         let mut values = Vec::with_capacity(receivers.len());
         for (number, batch) in batches.enumerate() {
             progress.check()?;
-            let [a, b] = reference_halves(tracer, &lamp, batch, paths, number as u32);
+            let [a, b] = reference_halves(tracer, &lamp, batch, paths, number as u32)?;
             values.extend(a.iter().zip(&b).map(|(a, b)| ((*a + *b) * 0.5).as_vec3()));
             progress.step(1);
         }
