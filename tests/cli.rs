@@ -154,7 +154,7 @@ fn a_bake_can_be_inspected_evaluated_and_verified() {
     assert_eq!(fs::read_to_string(dir.path().join("out.csv")).unwrap(), csv);
 
     // One path a point: an error far above what the reference's own noise leaves.
-    let quick = ["verify", "--poses", "2", "--points", "64", "--paths", "64"];
+    let quick = ["verify", "--poses", "2", "--points", "64", "--paths", "16"];
     done(&dir, &[quick.as_slice(), &["--max-error", "1000"]].concat());
     assert!(baked.join("den/verify.json").is_file());
     assert!(baked.join("den/verify.html").is_file());

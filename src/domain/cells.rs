@@ -411,9 +411,13 @@ impl Builder<'_> {
                 below += f64::from(u8::from(order[i].1));
                 let n = (i + 1) as f64;
                 let cost = impurity(n, below) + impurity(total - n, yes - below);
-                if order[i].0 < order[i + 1].0 && cost < best.0 {
-                    // The lower value itself: a middle could round up and leave one side empty.
-                    best = (cost, Some((axis, order[i].0)));
+                let (low, high) = (order[i].0, order[i + 1].0);
+                if low < high && cost < best.0 {
+                    // The middle of neighbouring floats may round up to `high`, which would then
+                    // fall on the left too and leave the right side empty.
+                    let middle = 0.5 * (low + high);
+                    let threshold = if middle < high { middle } else { low };
+                    best = (cost, Some((axis, threshold)));
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! Ray tracing over a [`Scene`](crate::scene::Scene): batches of rays in, batches of hits out.
+//! Ray tracing over a [`Scene`]: batches of rays in, batches of hits out.
 //! Knows materials and lights, but no technique.
 
 pub mod accel;
