@@ -4,9 +4,13 @@
 mod analytic;
 /// Lightmap atlas: coverage, charts, determinism.
 mod atlas;
+/// Closed forms with their estimates.
+mod closed_forms;
 /// Loading glTF and OBJ, manifests, materials, refusals.
 mod scene;
 /// Scenes built in memory.
 mod shapes;
 /// Rays: no leaks, no self-hits, masks, agreement with brute force.
 mod tracing;
+/// Rays that must not get lost or caught.
+mod walks;
