@@ -1,5 +1,6 @@
 //! Closed forms: form factors, furnaces, the integrating sphere.
 
+use crate::closed_forms::{form_factors, sidak_t7};
 use crate::shapes::Builder;
 use glam::{DVec3, Vec3};
 use lightkiln::domain::cells::{CellOptions, Cells};
@@ -10,37 +11,6 @@ use lightkiln::trace::path::{self, Options, Part};
 use lightkiln::trace::sampler::{mix, sobol, triangle};
 use lightkiln::trace::{Build, NO_TRIANGLE, Ray, Tracer};
 use lightkiln_format::lighting::Light;
-
-/// Largest |z| allowed among `n` independent standard normals at 1 % false alarms (Sidak).
-/// Student's t with 7 degrees of freedom (8 scrambles) is wider: its quantile is used.
-pub fn sidak_t7(n: usize) -> f64 {
-    // Upper tail of t7: p(|t| > x) by the closed form for odd degrees of freedom.
-    let tail = |x: f64| {
-        let theta = (x / 7.0_f64.sqrt()).atan();
-        let (s, c) = theta.sin_cos();
-        let sum = c + 2.0 / 3.0 * c.powi(3) + 8.0 / 15.0 * c.powi(5);
-        1.0 - 2.0 / std::f64::consts::PI * (theta + s * sum)
-    };
-    let alpha = 1.0 - 0.99_f64.powf(1.0 / n as f64);
-    let (mut low, mut high) = (0.0, 1e4);
-    for _ in 0..200 {
-        let middle = 0.5 * (low + high);
-        if tail(middle) > alpha {
-            low = middle
-        } else {
-            high = middle
-        }
-    }
-    low
-}
-
-fn emitter(radiance: f32) -> Material {
-    Material {
-        base_color: Vec3::ZERO,
-        emissive: Vec3::splat(radiance),
-        ..Material::default()
-    }
-}
 
 /// Points spread over the triangles of a scene's material 0, front side.
 fn receivers(scene: &Scene, count: u32) -> Vec<Receiver> {
@@ -64,68 +34,23 @@ fn receivers(scene: &Scene, count: u32) -> Vec<Receiver> {
         .collect()
 }
 
-/// Form factor from a unit square to another by direct irradiance of a unit-radiosity emitter.
-fn form_factor(second: [DVec3; 4], expected: f64) {
-    let o = DVec3::ZERO;
-    let scene = Builder::default()
-        .grey(0.0)
-        .quad([o, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y])
-        .material(emitter(std::f32::consts::FRAC_1_PI))
-        .quad(second)
-        .build();
-    let tracer = Tracer::new(&scene, Build::Good);
-    let emitters = Emitters::new(&scene, &[], true, None).unwrap();
-    // Sixteen independent sets of 4,096 receivers: mean and standard error of the area average.
-    let sets: Vec<f64> = (0..16)
-        .map(|set| {
-            let points: Vec<Receiver> = (0..4096)
-                .map(|i| {
-                    let [a, b, ..] = sobol(i / 2, 0, 100 + set);
-                    let (u, v) = triangle(a, b);
-                    let (t, facet) = (i % 2, tracer.facet(0));
-                    Receiver {
-                        position: tracer.surfaces().lifted(t, u, v, true),
-                        normal: facet.normal,
-                        geometric_normal: facet.normal,
-                        triangle: t,
-                    }
-                })
-                .collect();
-            let options = Options {
-                part: Part::Direct,
-                paths: 128,
-                scrambles: 2,
-                max_bounces: None,
-                seed: set,
-            };
-            let all = path::irradiance(&tracer, &emitters, &points, &options);
-            all.iter().map(|e| e.mean.x).sum::<f64>() / all.len() as f64
-        })
-        .collect();
-    let mean = sets.iter().sum::<f64>() / 16.0;
-    let variance: f64 = sets.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (16.0 * 15.0);
-    let error = variance.sqrt();
-    let z = (mean - expected) / error;
-    println!("form factor {mean:.6} +- {error:.1e}, expected {expected:.6}, z {z:.2}");
-    assert!(
-        error <= 1e-4 && z.abs() < sidak_t7(1),
-        "{mean} +- {error} against {expected}"
-    );
-}
-
 #[test]
-fn form_factor_of_parallel_unit_squares() {
-    let z = DVec3::Z;
-    form_factor(
-        [z, z + DVec3::Y, z + DVec3::X + DVec3::Y, z + DVec3::X],
-        0.199825,
-    );
-}
-
-#[test]
-fn form_factor_of_perpendicular_unit_squares() {
-    let (x, z) = (DVec3::X, DVec3::Z);
-    form_factor([DVec3::ZERO, z, z + x, x], 0.200044);
+fn form_factors_of_unit_squares() {
+    for f in form_factors() {
+        let z = (f.mean - f.expected) / f.error;
+        println!(
+            "form factor {}: {:.6} +- {:.1e}, expected {:.6}, z {z:.2}",
+            f.name, f.mean, f.error, f.expected
+        );
+        assert!(
+            f.error <= 1e-4 && z.abs() < sidak_t7(2),
+            "{}: {} +- {} against {}",
+            f.name,
+            f.mean,
+            f.error,
+            f.expected
+        );
+    }
 }
 
 #[test]

@@ -6,6 +6,8 @@ mod analytic;
 mod atlas;
 /// The built command: plan, bake, inspect, evaluate, verify, refusals, Ctrl-C, determinism.
 mod cli;
+/// Closed forms with their estimates.
+mod closed_forms;
 /// Precomputed radiance maps.
 mod prm;
 /// Loading glTF and OBJ, manifests, materials, refusals.
@@ -14,3 +16,5 @@ mod scene;
 mod shapes;
 /// Rays: no leaks, no self-hits, masks, agreement with brute force.
 mod tracing;
+/// Rays that must not get lost or caught.
+mod walks;

@@ -1,6 +1,6 @@
 //! Precomputed radiance maps: closed forms, agreement with the path tracer, determinism.
 
-use crate::analytic::sidak_t7;
+use crate::closed_forms::sidak_t7;
 use crate::shapes::Builder;
 use glam::{DVec3, Vec3};
 use lightkiln::bake::prm::{Baked, bake};

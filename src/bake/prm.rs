@@ -162,13 +162,15 @@ fn check_solution(scene: &Scene, continuation: &Continuation) -> Result<()> {
 }
 
 /// The sink that fills the rows of one block.
-struct Responses<'a> {
-    cells: &'a Cells,
-    continuation: &'a Continuation,
+pub struct Responses<'a> {
+    /// Entry cells.
+    pub cells: &'a Cells,
+    /// What follows the last walked hit.
+    pub continuation: &'a Continuation,
 }
 
 /// Sums of weights by lane and cell.
-struct Sums {
+pub struct Sums {
     /// `lanes x cells` RGB (and padding): what is known from walked hits.
     walked: Vec<[f64; 4]>,
     /// Group of each lane: consecutive lanes of one chart. Where walks stop after some bounces is
@@ -182,7 +184,7 @@ struct Sums {
 }
 
 /// Rows of one block.
-struct Rows {
+pub struct Rows {
     cells: Vec<u16>,
     responses: Vec<f16>,
     /// Largest share of a lane's total response that was dropped.
