@@ -74,7 +74,7 @@ fn form_factor(second: [DVec3; 4], expected: f64) {
         .quad(second)
         .build();
     let tracer = Tracer::new(&scene, Build::Good);
-    let emitters = Emitters::new(&scene, &[], true, None);
+    let emitters = Emitters::new(&scene, &[], true, None).unwrap();
     // Sixteen independent sets of 4,096 receivers: mean and standard error of the area average.
     let sets: Vec<f64> = (0..16)
         .map(|set| {
@@ -141,7 +141,7 @@ fn furnace_of_the_path_tracer() {
         .room(-DVec3::ONE, DVec3::ONE, 2)
         .build();
     let tracer = Tracer::new(&scene, Build::Good);
-    let emitters = Emitters::new(&scene, &[], true, None);
+    let emitters = Emitters::new(&scene, &[], true, None).unwrap();
     let points = receivers(&scene, 64);
     let options = Options {
         paths: 2048,
@@ -174,7 +174,7 @@ fn integrating_sphere_of_the_path_tracer() {
             intensity: Vec3::ONE,
             radius: 0.0,
         };
-        let emitters = Emitters::lamps(&scene, &[lamp]);
+        let emitters = Emitters::lamps(&scene, &[lamp]).unwrap();
         let points = receivers(&scene, 32);
         let options = Options {
             part: Part::Indirect,

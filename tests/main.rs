@@ -4,6 +4,10 @@
 mod analytic;
 /// Lightmap atlas: coverage, charts, determinism.
 mod atlas;
+/// The built command: plan, bake, inspect, evaluate, verify, refusals, Ctrl-C, determinism.
+mod cli;
+/// Precomputed radiance maps.
+mod prm;
 /// Loading glTF and OBJ, manifests, materials, refusals.
 mod scene;
 /// Scenes built in memory.
