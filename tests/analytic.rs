@@ -122,15 +122,7 @@ fn integrating_sphere_of_the_path_tracer() {
 
 /// Cells of a scene, with sight answered by its own tracer.
 pub fn cells_of(tracer: &Tracer, options: &CellOptions) -> Cells {
-    Cells::build(tracer.scene(), tracer.surfaces(), options, &|pairs| {
-        let rays: Vec<Ray> = pairs
-            .iter()
-            .map(|&(a, b)| Ray::segment(a, b, NO_TRIANGLE))
-            .collect();
-        let mut blocked = vec![false; rays.len()];
-        tracer.occluded(&rays, &mut blocked);
-        blocked.into_iter().map(|b| !b).collect()
-    })
+    Cells::build(tracer.scene(), tracer.surfaces(), options, tracer)
 }
 
 #[test]

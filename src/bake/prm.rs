@@ -6,19 +6,17 @@ use crate::domain::cells::{CellOptions, Cells};
 use crate::domain::{Domain, ReferencePoint};
 use crate::error::{Error, Result};
 use crate::gather::operator::{self, Continuation};
+use crate::gather::surroundings::BACK_FACE_LIMIT;
 use crate::gather::{self, BLOCK, BackFaces, GatherOptions, Sink, Vertex};
 use crate::plan::Parameters;
 use crate::progress::Progress;
 use crate::scene::{Finding, Scene};
-use crate::trace::{NO_TRIANGLE, Ray, Tracer};
+use crate::trace::Tracer;
 use half::f16;
 use lightkiln_format::prm::{LANES, Prm, ROW, UNSOUND};
 use serde::Serialize;
 
 const _: () = assert!(BLOCK == LANES, "a gather block is an asset block");
-
-/// A point more than this share of whose first hits are back faces lies inside a wall (dossier 5.5).
-const BACK_FACE_LIMIT: f32 = 0.3;
 
 /// Responses are dropped from a block, smallest first, as long as no point loses more than this
 /// share of its total response: the error is at most this times what uniform irradiance of the
@@ -45,6 +43,8 @@ pub struct Statistics {
     pub dropped_share_bound: f64,
     /// Points found inside walls and refilled.
     pub refilled_points: u64,
+    /// Share of the entry samples left out because they lie inside solids.
+    pub buried_entry_share: f64,
     /// Share of first hits that met the back of a single-sided surface.
     pub back_face_share: f64,
     /// Residual of the bounce operator's solution.
@@ -126,15 +126,7 @@ pub fn entry_cells(tracer: &Tracer, parameters: &Parameters) -> Cells {
         cells: parameters.cells,
         entries_per_cell: parameters.entries_per_cell,
     };
-    Cells::build(tracer.scene(), tracer.surfaces(), &options, &|pairs| {
-        let rays: Vec<Ray> = pairs
-            .iter()
-            .map(|&(a, b)| Ray::segment(a, b, NO_TRIANGLE))
-            .collect();
-        let mut blocked = vec![false; rays.len()];
-        tracer.occluded(&rays, &mut blocked);
-        blocked.into_iter().map(|b| !b).collect()
-    })
+    Cells::build(tracer.scene(), tracer.surfaces(), &options, tracer)
 }
 
 fn check_solution(scene: &Scene, continuation: &Continuation) -> Result<()> {
@@ -417,6 +409,7 @@ fn assemble(
         dropped_share_bound: dropped,
         refilled_points: refilled,
         back_face_share: back.iter().map(|&b| f64::from(b)).sum::<f64>() / back.len().max(1) as f64,
+        buried_entry_share: cells.buried_share,
         operator_residual: continuation.residual,
         operator_row_sum: continuation.largest_row_sum,
     };

@@ -33,8 +33,13 @@ pub struct CellOptions {
     pub entries_per_cell: u32,
 }
 
-/// Answers, for segments between two points in open space, which are unobstructed.
-pub type Sight<'a> = &'a (dyn Fn(&[(Vec3, Vec3)]) -> Vec<bool> + Sync);
+/// What has to be asked of rays while cells are built.
+pub trait Surroundings: Sync {
+    /// For segments between two points in open space: which are unobstructed.
+    fn see_each_other(&self, pairs: &[(Vec3, Vec3)]) -> Vec<bool>;
+    /// Which surface points look into open space rather than into the inside of a solid.
+    fn in_the_open(&self, points: &[SurfacePoint]) -> Vec<bool>;
+}
 
 /// The cells of one scene.
 #[derive(Debug, Clone, Default)]
@@ -49,6 +54,8 @@ pub struct Cells {
     pub first_sample: Vec<u32>,
     /// Cells some of whose samples do not see the middle one, and no plane separates them.
     pub hidden_pairs: u32,
+    /// Share of the samples drawn that lie inside solids.
+    pub buried_share: f64,
     nodes: Vec<Node>,
     /// Node from which the descent starts for the front and back of each triangle.
     start: Vec<[u32; 2]>,
@@ -104,8 +111,17 @@ impl Cells {
     }
 
     /// Builds the cells of all surfaces that face light: fronts, and backs of double-sided ones.
-    pub fn build(scene: &Scene, surfaces: &Surfaces, options: &CellOptions, sight: Sight) -> Self {
+    ///
+    /// Samples inside solids (where one closed object reaches into another) are left out: no hit ever
+    /// lands there, and their darkness would lower the cell's mean irradiance.
+    pub fn build(
+        scene: &Scene,
+        surfaces: &Surfaces,
+        options: &CellOptions,
+        surroundings: &dyn Surroundings,
+    ) -> Self {
         let (samples, area) = draw_samples(scene, surfaces, options);
+        let (samples, buried) = unburied(samples, surroundings);
         if samples.is_empty() {
             return Self::default();
         }
@@ -116,7 +132,7 @@ impl Cells {
             leaf_samples: SAMPLES_PER_CELL as usize,
             nodes: Vec::new(),
             leaves: Vec::new(),
-            sight,
+            surroundings,
             hidden: 0,
         };
         let mut members: [Vec<u32>; 6] = Default::default();
@@ -145,6 +161,7 @@ impl Cells {
         let mut cells = Self {
             nodes,
             hidden_pairs: hidden,
+            buried_share: buried,
             ..Self::default()
         };
         cells.first_entry.push(0);
@@ -235,6 +252,32 @@ fn draw_samples(
     (samples, area)
 }
 
+/// The samples in the open, and the share left out. Of the samples of one of the six directions at
+/// least one stays, so that every hit finds a cell.
+fn unburied(
+    samples: Vec<SurfacePoint>,
+    surroundings: &dyn Surroundings,
+) -> (Vec<SurfacePoint>, f64) {
+    let mut open = surroundings.in_the_open(&samples);
+    for direction in 0..6 {
+        let mut own = (0..samples.len()).filter(|&i| side(samples[i].normal) == direction);
+        if let Some(first) = own.next()
+            && !open[first]
+            && !own.any(|i| open[i])
+        {
+            open[first] = true;
+        }
+    }
+    let drawn = samples.len().max(1) as f64;
+    let mut keep = open.iter();
+    let kept: Vec<SurfacePoint> = samples
+        .into_iter()
+        .filter(|_| keep.next().copied().unwrap_or(true))
+        .collect();
+    let share = 1.0 - kept.len() as f64 / drawn;
+    (kept, share)
+}
+
 /// Point `i` of `n` of the rank-1 golden-ratio lattice, mapped to barycentric `(u, v)` by the
 /// low-distortion map (Heitz 2019).
 fn lattice(i: u64, n: u64) -> (f32, f32) {
@@ -255,7 +298,7 @@ struct Builder<'a> {
     leaf_samples: usize,
     nodes: Vec<Node>,
     leaves: Vec<Vec<u32>>,
-    sight: Sight<'a>,
+    surroundings: &'a dyn Surroundings,
     hidden: u32,
 }
 
@@ -362,7 +405,7 @@ impl Builder<'_> {
             .zip(&raised)
             .map(|(p, &r)| (p.position, r))
             .collect();
-        let free = (self.sight)(&room);
+        let free = self.surroundings.see_each_other(&room);
         let ends: Vec<Vec3> = (0..points.len())
             .map(|i| {
                 if free[i] {
@@ -373,7 +416,7 @@ impl Builder<'_> {
             })
             .collect();
         let pairs: Vec<_> = ends.iter().map(|&e| (ends[middle], e)).collect();
-        let mut seen = (self.sight)(&pairs);
+        let mut seen = self.surroundings.see_each_other(&pairs);
         seen[middle] = true;
         if seen.iter().all(|&s| s) {
             return None;

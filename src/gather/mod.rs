@@ -5,6 +5,7 @@
 //! The seed comes from the domain, so every sink of a domain sees the same rays bit for bit.
 
 pub mod operator;
+pub mod surroundings;
 
 use crate::domain::ReferencePoint;
 use crate::progress::Progress;
