@@ -1,5 +1,7 @@
 //! What can go wrong, said so that the user knows the file, the element, the field and the remedy.
 
+use lightkiln_format::error::AssetError;
+use lightkiln_format::lighting::LightingError;
 use std::path::{Path, PathBuf};
 
 /// Any failure of the library.
@@ -94,5 +96,44 @@ impl Error {
             Self::Manifest { remedy, .. } | Self::Input { remedy, .. } => Some(remedy),
             _ => None,
         }
+    }
+}
+
+impl From<AssetError> for Error {
+    fn from(error: AssetError) -> Self {
+        match error {
+            AssetError::Io {
+                path,
+                action,
+                source,
+            } => Self::io(&path, action, source),
+            AssetError::Damaged {
+                path,
+                part,
+                problem,
+            } => Self::input(&path, part, problem, "bake the asset again"),
+            AssetError::Invalid { path, source } => Self::input(
+                &path,
+                source.array,
+                source.to_string(),
+                "bake the asset again",
+            ),
+            other => Self::input(Path::new(""), "asset", other.to_string(), "bake it again"),
+        }
+    }
+}
+
+impl From<LightingError> for Error {
+    fn from(error: LightingError) -> Self {
+        let file = match &error {
+            LightingError::Io { path, .. } | LightingError::Toml { path, .. } => path.clone(),
+            _ => PathBuf::from("lighting"),
+        };
+        Self::manifest(
+            &file,
+            "light",
+            error.to_string(),
+            "see the README's section on the lighting file for the keys of each kind of light",
+        )
     }
 }

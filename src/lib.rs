@@ -21,7 +21,7 @@ use manifest::{Manifest, SceneSpec};
 use plan::Job;
 use progress::Progress;
 use scene::Scene;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use trace::{Build, Tracer};
 
 /// A scene ready to be planned and baked.
@@ -50,13 +50,6 @@ pub fn prepare(manifest_file: &Path, spec: &SceneSpec, progress: &Progress) -> R
     })
 }
 
-/// Output folder of a manifest.
-pub fn output_dir(manifest_file: &Path, manifest: &Manifest) -> PathBuf {
-    let dir = manifest.output.as_ref().and_then(|o| o.dir.clone());
-    let base = manifest_file.parent().unwrap_or(Path::new(""));
-    base.join(dir.unwrap_or_else(|| manifest::DEFAULT_OUTPUT_DIR.into()))
-}
-
 /// Bakes the scenes of a manifest for which `wanted` says yes, one after the other; `done` hears of
 /// each when its files are safely in place.
 ///
@@ -70,8 +63,9 @@ pub fn bake(
     progress: &Progress,
     mut done: impl FnMut(&Prepared, &Tracer, &bake::prm::Baked, &Path) -> Result<()>,
 ) -> Result<()> {
-    let output = output_dir(manifest_file, manifest);
+    let output = manifest.output_dir(manifest_file);
     for spec in manifest.scenes.iter().filter(|s| wanted(&s.name)) {
+        progress.check()?;
         let prepared = prepare(manifest_file, spec, progress)?;
         let Prepared {
             scene,

@@ -19,6 +19,11 @@ pub const DEFAULT_FOV_DEG: f64 = 60.0;
 /// Output folder, relative to the manifest, where the manifest says nothing.
 pub const DEFAULT_OUTPUT_DIR: &str = "baked";
 
+/// Most paths a reference point: the longest sequence of the sampler.
+pub const MAX_SAMPLES: u32 = 1 << 16;
+/// Most entry cells: the operator between cells is a dense matrix.
+pub const MAX_CELLS: u32 = 4096;
+
 /// A whole manifest.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -187,9 +192,9 @@ pub struct BakeSpec {
     pub technique: Technique,
     /// Where absent numbers come from; `normal` if absent.
     pub preset: Option<Preset>,
-    /// Paths a reference point.
+    /// Paths a reference point, at most [`MAX_SAMPLES`].
     pub samples: Option<u32>,
-    /// Entry cells.
+    /// Entry cells aimed at, at most [`MAX_CELLS`].
     pub cells: Option<u32>,
     /// Entry points a cell.
     pub entries_per_cell: Option<u32>,

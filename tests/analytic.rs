@@ -66,7 +66,7 @@ fn furnace_of_the_path_tracer() {
         .room(-DVec3::ONE, DVec3::ONE, 2)
         .build();
     let tracer = Tracer::new(&scene, Build::Good);
-    let emitters = Emitters::new(&scene, &[], true, None);
+    let emitters = Emitters::new(&scene, &[], true, None).unwrap();
     let points = receivers(&scene, 64);
     let options = Options {
         paths: 2048,
@@ -99,7 +99,7 @@ fn integrating_sphere_of_the_path_tracer() {
             intensity: Vec3::ONE,
             radius: 0.0,
         };
-        let emitters = Emitters::lamps(&scene, &[lamp]);
+        let emitters = Emitters::lamps(&scene, &[lamp]).unwrap();
         let points = receivers(&scene, 32);
         let options = Options {
             part: Part::Indirect,

@@ -4,12 +4,12 @@ mod lit_scene;
 mod scenes;
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
+use lightkiln::bake::lit_scene::write_glb;
 use lightkiln::domain::atlas::{
     AtlasOptions, Fill, MAX_TEXELS, NO_SOURCE, dilation, reference_points, unwrap,
 };
 use lightkiln::domain::{LightmapUvs, NO_PAGE, ReferencePoint};
 use lightkiln::error::Error;
-use lightkiln::scene::write::write_glb;
 use lightkiln::scene::{Role, Scene};
 use scenes::{add, cube, empty, icosphere, mixed, quad};
 use std::collections::{HashMap, HashSet};

@@ -76,7 +76,7 @@ fn form_factor(second: [DVec3; 4]) -> (f64, f64) {
         .quad(second)
         .build();
     let tracer = Tracer::new(&scene, Build::Good);
-    let emitters = Emitters::new(&scene, &[], true, None);
+    let emitters = Emitters::new(&scene, &[], true, None).unwrap();
     // Sixteen independent sets of 4,096 receivers: mean and standard error of the area average.
     let sets: Vec<f64> = (0..16)
         .map(|set| {

@@ -4,8 +4,12 @@
 mod analytic;
 /// Lightmap atlas: coverage, charts, determinism.
 mod atlas;
+/// The built command: plan, bake, inspect, evaluate, verify, refusals, Ctrl-C, determinism.
+mod cli;
 /// Closed forms with their estimates.
 mod closed_forms;
+/// Precomputed radiance maps.
+mod prm;
 /// Loading glTF and OBJ, manifests, materials, refusals.
 mod scene;
 /// Scenes built in memory.

@@ -2,6 +2,7 @@
 //! the asset, its pictures and the index.
 
 pub mod atlas_image;
+pub mod lit_scene;
 pub mod prm;
 
 use crate::domain::Domain;
@@ -9,7 +10,6 @@ use crate::error::{Error, Result};
 use crate::plan::Job;
 use crate::scene::{Finding, Scene};
 use lightkiln_format::container::atomic_write;
-use lightkiln_format::error::AssetError;
 use lightkiln_format::index::{Asset, FileEntry, Index, Note};
 use prm::Baked;
 use serde_json::json;
@@ -46,7 +46,7 @@ pub fn publish(
         let written = atomic_write(&dir.join(&name), bytes)?;
         files.push(FileEntry::new(relative(&name), "atlas", written));
     }
-    let glb = crate::scene::write::write_glb(scene, Some(&domain.uvs))?;
+    let glb = lit_scene::write_glb(scene, Some(&domain.uvs))?;
     let written = atomic_write(&dir.join("scene.lit.glb"), &glb)?;
     files.push(FileEntry::new(relative("scene.lit.glb"), "scene", written));
 
@@ -99,29 +99,5 @@ fn note(finding: &Finding) -> Note {
         element: finding.element.clone(),
         reason: finding.what.clone(),
         count: finding.count,
-    }
-}
-
-impl From<AssetError> for Error {
-    fn from(error: AssetError) -> Self {
-        match error {
-            AssetError::Io {
-                path,
-                action,
-                source,
-            } => Self::io(&path, action, source),
-            AssetError::Damaged {
-                path,
-                part,
-                problem,
-            } => Self::input(&path, part, problem, "bake the asset again"),
-            AssetError::Invalid { path, source } => Self::input(
-                &path,
-                source.array,
-                source.to_string(),
-                "bake the asset again",
-            ),
-            other => Self::input(Path::new(""), "asset", other.to_string(), "bake it again"),
-        }
     }
 }

@@ -1,12 +1,13 @@
 //! Precomputed radiance maps (S4, dossier 5.3): gathers the response of every reference point to
 //! every entry cell and stores it as block x cell-list rows.
 
-use crate::domain::Domain;
 use crate::domain::atlas::dilation;
 use crate::domain::cells::{CellOptions, Cells};
+use crate::domain::{Domain, ReferencePoint};
 use crate::error::{Error, Result};
 use crate::gather::operator::{self, Continuation};
 use crate::gather::{self, BLOCK, BackFaces, GatherOptions, Sink, Vertex};
+use crate::plan::Parameters;
 use crate::progress::Progress;
 use crate::scene::{Finding, Scene};
 use crate::trace::{NO_TRIANGLE, Ray, Tracer};
@@ -26,19 +27,6 @@ const DROPPED_SHARE: f64 = 1.0 / 2048.0;
 
 /// Texels by which charts are widened.
 const DILATION: u32 = 4;
-
-/// Resolved parameters of a bake.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Parameters {
-    /// Paths a reference point.
-    pub samples: u32,
-    /// Hits walked one by one; the operator between cells carries on.
-    pub bounces: u32,
-    /// Entry cells aimed at.
-    pub cells: u32,
-    /// Entry points a cell.
-    pub entries_per_cell: u32,
-}
 
 /// What the bake counted, for the index.
 #[derive(Debug, Clone, Serialize)]
@@ -183,11 +171,16 @@ pub struct Responses<'a> {
 
 /// Sums of weights by lane and cell.
 pub struct Sums {
-    points: usize,
-    /// `points x cells` RGB (and padding): what is known from walked hits.
+    /// `lanes x cells` RGB (and padding): what is known from walked hits.
     walked: Vec<[f64; 4]>,
-    /// `points x cells`, one array a channel: where walks stopped, still to be continued.
+    /// Group of each lane: consecutive lanes of one chart. Where walks stop after some bounces is
+    /// much the same for neighbours on one surface, so a group shares the distribution of its late
+    /// bounces; each lane keeps its own amount.
+    group: Vec<usize>,
+    /// `groups x cells`, one array a channel: weights of walks that stopped, to be continued.
     tail: [Vec<f32>; 3],
+    /// The same summed over cells, for each lane.
+    stopped: Vec<[f64; 3]>,
 }
 
 /// Rows of one block.
@@ -202,27 +195,38 @@ impl Sink for Responses<'_> {
     type State = Sums;
     type Output = Rows;
 
-    fn start(&self, points: usize) -> Sums {
-        let size = points * self.cells.len();
+    fn start(&self, points: &[ReferencePoint]) -> Sums {
+        let n = self.cells.len();
+        let mut groups = 0;
+        let group = (0..points.len())
+            .map(|lane| {
+                groups += usize::from(lane == 0 || points[lane].chart != points[lane - 1].chart);
+                groups - 1
+            })
+            .collect();
         Sums {
-            points,
-            walked: vec![[0.0; 4]; size],
-            tail: std::array::from_fn(|_| vec![0.0; size]),
+            walked: vec![[0.0; 4]; points.len() * n],
+            group,
+            tail: std::array::from_fn(|_| vec![0.0; groups * n]),
+            stopped: vec![[0.0; 3]; points.len()],
         }
     }
 
     fn record(&self, sums: &mut Sums, lane: usize, _bounce: u32, vertices: &[Vertex]) {
-        let base = lane * self.cells.len();
+        let n = self.cells.len();
+        let walked = &mut sums.walked[lane * n..(lane + 1) * n];
         for vertex in vertices {
-            let at = base + self.cells.find(&vertex.point) as usize;
+            let cell = self.cells.find(&vertex.point) as usize;
             let weight = vertex.weight.to_array();
-            let sum = &mut sums.walked[at];
-            for k in 0..3 {
-                sum[k] += f64::from(weight[k]);
+            for (sum, weight) in walked[cell].iter_mut().zip(weight) {
+                *sum += f64::from(weight);
             }
             if vertex.last {
-                for k in 0..3 {
-                    sums.tail[k][at] += weight[k];
+                let at = sums.group[lane] * n + cell;
+                let stopped = &mut sums.stopped[lane];
+                for ((tail, stopped), weight) in sums.tail.iter_mut().zip(stopped).zip(weight) {
+                    tail[at] += weight;
+                    *stopped += f64::from(weight);
                 }
             }
         }
@@ -230,16 +234,37 @@ impl Sink for Responses<'_> {
 
     fn finish(&self, sums: Sums, samples: u32) -> Rows {
         let n = self.cells.len();
-        let mut responses: [Vec<f64>; 3] =
-            std::array::from_fn(|k| sums.walked.iter().map(|s| s[k]).collect());
-        for k in 0..3 {
-            self.continuation
-                .extend(k, &sums.tail[k], &mut responses[k]);
-            for response in &mut responses[k] {
-                *response /= f64::from(samples);
+        let lanes = sums.group.len();
+        let mut together = vec![[0.0_f64; 3]; sums.tail[0].len() / n];
+        for (&group, stopped) in sums.group.iter().zip(&sums.stopped) {
+            for (sum, stopped) in together[group].iter_mut().zip(stopped) {
+                *sum += stopped;
             }
         }
-        let (kept, dropped) = keep(&responses, sums.points, n);
+        let responses: [Vec<f64>; 3] = std::array::from_fn(|k| {
+            let late = self.continuation.apply(k, &sums.tail[k]);
+            let mut responses = Vec::with_capacity(lanes * n);
+            for lane in 0..lanes {
+                let group = sums.group[lane];
+                let total = together[group][k];
+                let share = if total > 0.0 {
+                    sums.stopped[lane][k] / total
+                } else {
+                    0.0
+                };
+                let walked = &sums.walked[lane * n..(lane + 1) * n];
+                let late = &late[group * n..(group + 1) * n];
+                let sum = |(w, l): (&[f64; 4], &f32)| w[k] + share * f64::from(*l);
+                responses.extend(
+                    walked
+                        .iter()
+                        .zip(late)
+                        .map(|pair| sum(pair) / f64::from(samples)),
+                );
+            }
+            responses
+        });
+        let (kept, dropped) = keep(&responses, lanes, n);
         let mut rows = Rows {
             cells: kept.iter().map(|&c| c as u16).collect(),
             responses: Vec::with_capacity(kept.len() * ROW),
@@ -248,7 +273,7 @@ impl Sink for Responses<'_> {
         for &cell in &kept {
             for channel in &responses {
                 rows.responses.extend((0..LANES).map(|lane| {
-                    let x = if lane < sums.points {
+                    let x = if lane < lanes {
                         channel[lane * n + cell]
                     } else {
                         0.0

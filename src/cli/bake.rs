@@ -2,12 +2,12 @@
 
 use super::{Scenes, bytes, count, encoding, watch::Watch, write};
 use glam::Vec3;
+use lightkiln::Prepared;
 use lightkiln::bake::prm::Baked;
 use lightkiln::error::Result;
 use lightkiln::progress::Progress;
 use lightkiln::trace::Tracer;
 use lightkiln::verify::{poses, view};
-use lightkiln::{Prepared, output_dir};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ const SIZE: (u32, u32) = (960, 600);
 
 pub fn run(scenes: &Scenes, progress: &Arc<Progress>) -> Result<u8> {
     let manifest = scenes.read()?;
-    let output = output_dir(&scenes.manifest, &manifest);
+    let output = manifest.output_dir(&scenes.manifest);
     let mut summary = Vec::new();
     let started = std::time::Instant::now();
     {
@@ -75,7 +75,7 @@ fn pictures(prepared: &Prepared, tracer: &Tracer, baked: &Baked, dir: &Path) -> 
     let lamp = poses::poses(tracer, 1)[0].position;
     let albedo = seen.albedo();
     let radiance = |e: Vec3, rho: Vec3| e * rho * std::f32::consts::FRAC_1_PI;
-    let direct = seen.direct(tracer, lamp).zip(&albedo, radiance);
+    let direct = seen.direct(tracer, lamp)?.zip(&albedo, radiance);
     let indirect = seen.baked(tracer, &baked.prm, lamp)?.zip(&albedo, radiance);
     let lit = direct.zip(&indirect, |a, b| a + b);
     let exposure = lit.exposure();

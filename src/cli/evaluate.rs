@@ -4,6 +4,7 @@ use super::write;
 use glam::Vec3;
 use lightkiln::bake::atlas_image::read_points;
 use lightkiln::error::{Error, Result};
+use lightkiln::progress::Progress;
 use lightkiln::scene;
 use lightkiln::trace::{Build, Tracer, visibility};
 use lightkiln_format::lighting::{Light, Lighting, LightingError};
@@ -11,7 +12,7 @@ use lightkiln_format::prm::Prm;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-pub fn run(asset: &Path, lighting: &Path, out: Option<&Path>) -> Result<u8> {
+pub fn run(asset: &Path, lighting: &Path, out: Option<&Path>, progress: &Progress) -> Result<u8> {
     let file = asset.join("prm.safetensors");
     let prm = Prm::read(&file)?;
     let lights = Lighting::read(lighting)
@@ -28,6 +29,7 @@ pub fn run(asset: &Path, lighting: &Path, out: Option<&Path>) -> Result<u8> {
         .collect();
     let mut visible = Vec::with_capacity(lights.len() * entries.len());
     for light in &lights {
+        progress.check()?;
         visible.extend(match *light {
             Light::Directional { direction, .. } => {
                 visibility::from_infinity(&tracer, -direction.normalize(), &entries)
@@ -47,6 +49,7 @@ pub fn run(asset: &Path, lighting: &Path, out: Option<&Path>) -> Result<u8> {
             "see the lighting file's documentation",
         )
     })?;
+    progress.check()?;
     let values = prm
         .evaluate(&cells)
         .map_err(|e| Error::input(&file, "responses", e.to_string(), "bake the asset again"))?;
@@ -66,6 +69,7 @@ pub fn run(asset: &Path, lighting: &Path, out: Option<&Path>) -> Result<u8> {
             p.x, p.y, p.z, n.x, n.y, n.z, e[0], e[1], e[2]
         );
     }
+    progress.check()?;
     match out {
         Some(path) => write(path, csv.as_bytes())?,
         None => print!("{csv}"),

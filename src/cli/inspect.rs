@@ -59,19 +59,19 @@ fn folder(path: &Path) -> Result<u8> {
             println!("  {}: {} ({})", note.element, note.reason, note.count);
         }
         let measured = path.with_file_name(&asset.name).join("verify.json");
-        if let Ok(text) = std::fs::read_to_string(&measured) {
-            if let Ok(value) = serde_json::from_str::<serde_json::Value>(&text) {
-                println!(
-                    "  measured: median pose {}, worst {}{}",
-                    value["median"],
-                    value["worst"],
-                    if value["plan_key"] == asset.plan_key {
-                        ""
-                    } else {
-                        " (of an older bake)"
-                    }
-                );
-            }
+        if let Ok(text) = std::fs::read_to_string(&measured)
+            && let Ok(value) = serde_json::from_str::<serde_json::Value>(&text)
+        {
+            println!(
+                "  measured: median pose {}, worst {}{}",
+                value["median"],
+                value["worst"],
+                if value["plan_key"] == asset.plan_key {
+                    ""
+                } else {
+                    " (of an older bake)"
+                }
+            );
         }
     }
     Ok(0)

@@ -11,9 +11,13 @@ use clap::{Parser, Subcommand};
 use lightkiln::error::{Error, Result};
 use lightkiln::manifest::Manifest;
 use lightkiln::progress::Progress;
+use lightkiln::scene::Finding;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
+
+/// Exit code of an interrupted command.
+const INTERRUPTED: i32 = 130;
 
 /// Bakes light transport of glTF and OBJ scenes for real-time lighting.
 #[derive(Parser)]
@@ -64,13 +68,13 @@ enum Command {
         #[arg(long)]
         max_error: Option<f64>,
         /// Lamp poses.
-        #[arg(long, default_value_t = 64)]
+        #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
         poses: u32,
         /// Reference points a pose.
-        #[arg(long, default_value_t = 256)]
+        #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
         points: u32,
         /// Reference paths a point.
-        #[arg(long, default_value_t = 2048)]
+        #[arg(long, default_value_t = 2048, value_parser = clap::value_parser!(u32).range(1..))]
         paths: u32,
     },
 }
@@ -115,7 +119,13 @@ pub fn run() -> ExitCode {
     let progress = Arc::new(Progress::default());
     let on_signal = Arc::clone(&progress);
     // Without a handler Ctrl-C still leaves whole files: they are renamed into place when complete.
-    let _ = ctrlc::set_handler(move || on_signal.cancel());
+    let _ = ctrlc::set_handler(move || {
+        if on_signal.cancelled() {
+            // The second time: do not wait for the stage to end.
+            std::process::exit(INTERRUPTED);
+        }
+        on_signal.cancel();
+    });
     match dispatch(&arguments.command, &progress) {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
@@ -125,7 +135,7 @@ pub fn run() -> ExitCode {
             }
             ExitCode::from(match error {
                 Error::Manifest { .. } => 2,
-                Error::Interrupted => 130,
+                Error::Interrupted => INTERRUPTED as u8,
                 _ => 1,
             })
         }
@@ -141,7 +151,7 @@ fn dispatch(command: &Command, progress: &Arc<Progress>) -> Result<u8> {
             asset,
             lighting,
             out,
-        } => evaluate::run(asset, lighting, out.as_deref()),
+        } => evaluate::run(asset, lighting, out.as_deref(), progress),
         Command::Verify {
             scenes,
             max_error,
@@ -183,6 +193,29 @@ fn count(n: u64) -> String {
     } else {
         format!("{n}")
     }
+}
+
+/// One line for all findings that say the same of different elements; `index.json` has them all.
+fn grouped<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Vec<String> {
+    let mut groups: Vec<(&str, &str, usize, u64)> = Vec::new();
+    for finding in findings {
+        match groups.iter_mut().find(|g| g.1 == finding.what) {
+            Some(group) => {
+                group.2 += 1;
+                group.3 += finding.count;
+            }
+            None => groups.push((&finding.element, &finding.what, 0, finding.count)),
+        }
+    }
+    let line = |(element, what, others, count): (&str, &str, usize, u64)| {
+        let others = if others > 0 {
+            format!(" and {others} more")
+        } else {
+            String::new()
+        };
+        format!("  {element}{others}: {what} ({count})")
+    };
+    groups.into_iter().map(line).collect()
 }
 
 /// Writes a file whole or not at all.

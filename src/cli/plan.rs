@@ -23,8 +23,7 @@ pub fn run(scenes: &Scenes, format: Format, progress: &Arc<Progress>) -> Result<
         let _watch = Watch::start(progress);
         for spec in manifest.scenes.iter().filter(|s| scenes.wants(&s.name)) {
             let prepared = lightkiln::prepare(&scenes.manifest, spec, progress)?;
-            let named = |f| (spec.name.clone(), f);
-            findings.extend(prepared.scene.findings.into_iter().map(named));
+            findings.push((spec.name.clone(), super::grouped(&prepared.scene.findings)));
             jobs.extend(prepared.jobs);
         }
         progress.finish();
@@ -67,11 +66,10 @@ pub fn run(scenes: &Scenes, format: Format, progress: &Arc<Progress>) -> Result<
                     println!("{}: skipped: {skip}", job.scene);
                 }
             }
-            for (scene, finding) in &findings {
-                println!(
-                    "{scene}: {}: {} ({})",
-                    finding.element, finding.what, finding.count
-                );
+            for (scene, lines) in &findings {
+                for line in lines {
+                    println!("{scene}: {}", line.trim_start());
+                }
             }
         }
     }

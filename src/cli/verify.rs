@@ -1,18 +1,18 @@
 //! `lightkiln verify`
 
 use super::{Scenes, encoding, watch::Watch, write};
+use lightkiln::Prepared;
 use lightkiln::error::{Error, Result};
 use lightkiln::progress::Progress;
 use lightkiln::trace::{Build, Tracer};
 use lightkiln::verify::report::{self, Figure};
 use lightkiln::verify::statistics::{self, Effort, Summary};
 use lightkiln::verify::{poses, view};
-use lightkiln::{Prepared, output_dir};
 use lightkiln_format::prm::Prm;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Size of the compared pictures, pixels, and reference paths a pixel.
+/// Size of the compared pictures, pixels, and reference paths a pixel, at most.
 const SIZE: (u32, u32) = (480, 300);
 const PICTURE_PATHS: u32 = 256;
 
@@ -23,7 +23,7 @@ pub fn run(
     progress: &Arc<Progress>,
 ) -> Result<u8> {
     let manifest = scenes.read()?;
-    let output = output_dir(&scenes.manifest, &manifest);
+    let output = manifest.output_dir(&scenes.manifest);
     let mut summaries = Vec::new();
     {
         let _watch = Watch::start(progress);
@@ -73,10 +73,11 @@ fn one(prepared: &Prepared, dir: &Path, effort: &Effort, progress: &Progress) ->
     let key = jobs.first().map_or("", |j| j.key.as_str());
     let summary = statistics::summarise(&scene.name, key, effort, errors);
 
-    progress.stage(&scene.name, "drawing the comparison", 0);
     let seen = view::see(&tracer, domain, &view::camera(&tracer), SIZE.0, SIZE.1);
     let lamp = poses[0].position;
-    let reference = seen.reference(&tracer, lamp, PICTURE_PATHS);
+    let paths = effort.paths.min(PICTURE_PATHS);
+    let reference = seen.reference(&tracer, lamp, paths, progress)?;
+    progress.stage(&scene.name, "drawing the comparison", 0);
     let baked = seen.baked(&tracer, &prm, lamp)?;
     let exposure = reference.exposure();
     let difference = baked.zip(&reference, |b, r| b - r);
@@ -90,19 +91,19 @@ fn one(prepared: &Prepared, dir: &Path, effort: &Effort, progress: &Progress) ->
     let html = dir.join("verify.html");
     let figures = [
         (
-            "reference indirect irradiance (256 paths a pixel)",
+            format!("reference indirect irradiance ({paths} paths a pixel)"),
             reference.to_png(exposure),
         ),
-        ("baked indirect irradiance", baked.to_png(exposure)),
+        ("baked indirect irradiance".into(), baked.to_png(exposure)),
         (
-            "difference: blue too dark, red too bright, full colour at 20 % of the mean",
+            "difference: blue too dark, red too bright, full colour at 20 % of the mean".into(),
             difference.to_signed_png(mean * 0.2),
         ),
     ]
     .into_iter()
     .map(|(caption, png)| {
         Ok(Figure {
-            caption: caption.into(),
+            caption,
             png: png.map_err(encoding(&html))?,
         })
     })

@@ -1,9 +1,9 @@
 //! Lightmap atlas: texture coordinates for every static triangle, the texels they cover, and what
 //! fills the texels they do not.
 //!
-//! Authored second texture coordinates are kept where they are usable ([`authored`]); everything
-//! else is unwrapped ([`mod@unwrap`]). [`coverage`] turns the coordinates into reference points, and
-//! [`dilation`](mod@dilation) says from which point each remaining texel is copied.
+//! Authored second texture coordinates are kept where they are usable (`authored.rs`); everything
+//! else is unwrapped (`unwrap.rs`). [`reference_points`] turns the coordinates into reference points,
+//! and [`dilation()`] says from which point each remaining texel is copied.
 
 mod authored;
 mod coverage;

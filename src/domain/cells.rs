@@ -4,8 +4,8 @@
 //!
 //! Deviation from the paper: a cell is not the set of its entry points but the leaf's region of
 //! (position, normal) space, so any hit is assigned to its cell by a descent of the tree. Cells
-//! never join opposite sides (one tree for each of the six dominant normal directions) nor, as far
-//! as its samples show, points hidden from each other (leaves are split until they see each other).
+//! never join opposite sides (one tree for each of the six dominant normal directions), and are
+//! split wherever a plane separates samples that are hidden from each other.
 
 use crate::scene::Scene;
 use crate::scene::surface::{Facet, SurfacePoint, Surfaces};
@@ -14,8 +14,12 @@ use glam::{DVec3, Vec3};
 /// Samples drawn for each cell: enough that sixteen strata of it are even to a few percent.
 const SAMPLES_PER_CELL: u32 = 256;
 
-/// A leaf with fewer samples is not split further.
-const FEWEST_SAMPLES: usize = 16;
+/// No split by sight leaves fewer samples than this on a side: an eighth of a cell.
+const FEWEST_SAMPLES: usize = 32;
+
+/// A split by sight must leave no more than this share of the impurity: only a plane that really
+/// separates what is hidden (a wall) is worth a cell; scattered clutter is not.
+const IMPURITY_LEFT: f64 = 0.25;
 
 /// Samples of a leaf that are tested for sight of its middle.
 const SIGHT_TESTS: usize = 32;
@@ -43,7 +47,7 @@ pub struct Cells {
     pub samples: Vec<SurfacePoint>,
     /// `samples[first_sample[c]..first_sample[c + 1]]` belong to cell `c`.
     pub first_sample: Vec<u32>,
-    /// Cells whose samples could not all be separated from ones they do not see.
+    /// Cells some of whose samples do not see the middle one, and no plane separates them.
     pub hidden_pairs: u32,
     nodes: Vec<Node>,
     /// Node from which the descent starts for the front and back of each triangle.
@@ -374,19 +378,27 @@ impl Builder<'_> {
         if seen.iter().all(|&s| s) {
             return None;
         }
-        let best = self.purest_split(&tested, &seen);
+        let best = self
+            .purest_split(&tested, &seen)
+            .filter(|&(axis, threshold)| {
+                let left = members
+                    .iter()
+                    .filter(|&&i| self.key(i)[axis] <= threshold)
+                    .count();
+                left.min(members.len() - left) >= FEWEST_SAMPLES
+            });
         if best.is_none() {
             self.hidden += 1;
         }
         best
     }
 
-    /// Threshold on a position axis with the lowest Gini impurity of `seen`.
+    /// Threshold on a position axis with the lowest Gini impurity of `seen`, if low enough.
     fn purest_split(&self, tested: &[u32], seen: &[bool]) -> Option<(usize, f32)> {
         let total = seen.len() as f64;
         let impurity = |n: f64, k: f64| if n > 0.0 { k * (n - k) / n } else { 0.0 };
         let yes = seen.iter().filter(|&&s| s).count() as f64;
-        let mut best = (impurity(total, yes) * 0.999, None);
+        let mut best = (impurity(total, yes) * IMPURITY_LEFT, None);
         for axis in 0..3 {
             let mut order: Vec<(f32, bool)> = tested
                 .iter()
@@ -399,8 +411,12 @@ impl Builder<'_> {
                 below += f64::from(u8::from(order[i].1));
                 let n = (i + 1) as f64;
                 let cost = impurity(n, below) + impurity(total - n, yes - below);
-                if order[i].0 < order[i + 1].0 && cost < best.0 {
-                    let threshold = 0.5 * (order[i].0 + order[i + 1].0);
+                let (low, high) = (order[i].0, order[i + 1].0);
+                if low < high && cost < best.0 {
+                    // The middle of neighbouring floats may round up to `high`, which would then
+                    // fall on the left too and leave the right side empty.
+                    let middle = 0.5 * (low + high);
+                    let threshold = if middle < high { middle } else { low };
                     best = (cost, Some((axis, threshold)));
                 }
             }

@@ -50,8 +50,8 @@ pub trait Sink: Sync {
     /// Result of one block.
     type Output: Send;
 
-    /// An empty accumulator for a block of `points`.
-    fn start(&self, points: usize) -> Self::State;
+    /// An empty accumulator for a block.
+    fn start(&self, points: &[ReferencePoint]) -> Self::State;
     /// Takes all vertices of one bounce (`bounce` 0: first hits) of one point of the block.
     fn record(&self, state: &mut Self::State, lane: usize, bounce: u32, vertices: &[Vertex]);
     /// Finishes a block; sums are over `samples` paths a point.
@@ -62,7 +62,7 @@ impl<A: Sink, B: Sink> Sink for (A, B) {
     type State = (A::State, B::State);
     type Output = (A::Output, B::Output);
 
-    fn start(&self, points: usize) -> Self::State {
+    fn start(&self, points: &[ReferencePoint]) -> Self::State {
         (self.0.start(points), self.1.start(points))
     }
     fn record(&self, state: &mut Self::State, lane: usize, bounce: u32, vertices: &[Vertex]) {
@@ -94,7 +94,7 @@ pub fn gather<S: Sink>(
             if progress.cancelled() {
                 return None;
             }
-            let mut state = sink.start(points.len());
+            let mut state = sink.start(points);
             let mut rays = 0;
             for (lane, point) in points.iter().enumerate() {
                 let seed = sampler::mix(options.seed, (block * BLOCK + lane) as u32);
@@ -232,8 +232,8 @@ impl Sink for BackFaces<'_> {
     /// Share of paths whose first hit is such a back face, one a point.
     type Output = Vec<f32>;
 
-    fn start(&self, points: usize) -> Vec<u32> {
-        vec![0; points]
+    fn start(&self, points: &[ReferencePoint]) -> Vec<u32> {
+        vec![0; points.len()]
     }
     fn record(&self, state: &mut Vec<u32>, lane: usize, bounce: u32, vertices: &[Vertex]) {
         if bounce == 0 {

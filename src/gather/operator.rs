@@ -122,30 +122,26 @@ fn row(
 }
 
 impl Continuation {
-    /// Adds `tail F` to `response`: both `points x cells`, row-major, one colour channel.
-    pub fn extend(&self, channel: usize, tail: &[f32], response: &mut [f64]) {
+    /// `tail F` for `rows x cells` values of one colour channel, row-major.
+    pub fn apply(&self, channel: usize, tail: &[f32]) -> Vec<f32> {
         let n = self.cells;
         let matrix = &self.channels[channel];
-        // Four points share each row of F while it is in cache; f32 partial sums of one product,
-        // whose terms are positive, lose less than n ulp.
-        for (tails, responses) in tail.chunks(4 * n).zip(response.chunks_mut(4 * n)) {
-            let points = tails.len() / n;
-            let mut sums = vec![0.0_f32; points * n];
+        let mut result = vec![0.0_f32; tail.len()];
+        // Four rows share each row of F while it is in cache. The terms are positive: f32 partial
+        // sums of n of them are good to n roundings.
+        for (tails, results) in tail.chunks(4 * n).zip(result.chunks_mut(4 * n)) {
             for c in 0..n {
                 let row = &matrix[c * n..(c + 1) * n];
-                for p in 0..points {
-                    let weight = tails[p * n + c];
+                for (tail, result) in tails.chunks(n).zip(results.chunks_mut(n)) {
+                    let weight = tail[c];
                     if weight > 0.0 {
-                        let sums = &mut sums[p * n..(p + 1) * n];
-                        for (sum, f) in sums.iter_mut().zip(row) {
+                        for (sum, f) in result.iter_mut().zip(row) {
                             *sum += weight * f;
                         }
                     }
                 }
             }
-            for (r, s) in responses.iter_mut().zip(&sums) {
-                *r += f64::from(*s);
-            }
         }
+        result
     }
 }

@@ -1,6 +1,9 @@
 //! Values of the manifest that parse but cannot be meant.
 
-use super::{BakeSpec, Manifest, MaterialSpec, PortalSpec, SceneSpec, ViewSpec, line_at};
+use super::{
+    BakeSpec, MAX_CELLS, MAX_SAMPLES, Manifest, MaterialSpec, PortalSpec, SceneSpec, ViewSpec,
+    line_at,
+};
 use crate::error::{Error, Result};
 use glam::{DVec3, Vec3};
 use std::collections::HashSet;
@@ -201,10 +204,10 @@ impl Check<'_> {
 
     fn bake(&self, bake: &BakeSpec, at: &str) -> Result<()> {
         let counts = [
-            ("samples", bake.samples, 1, 1 << 24),
-            ("cells", bake.cells, 1, 1 << 20),
+            ("samples", bake.samples, 1, MAX_SAMPLES),
+            ("cells", bake.cells, 1, MAX_CELLS),
             ("entries_per_cell", bake.entries_per_cell, 1, 1 << 16),
-            ("bounces", bake.bounces, 0, 1000),
+            ("bounces", bake.bounces, 1, 64),
         ];
         for (key, value, least, most) in counts {
             self.that(

@@ -1,10 +1,9 @@
 //! Manifest + scene + domain -> what will be baked, with which parameters, at what cost. Pure:
 //! traces nothing.
 
-use crate::bake::prm::Parameters;
 use crate::domain::Domain;
 use crate::domain::atlas::AtlasOptions;
-use crate::manifest::{BakeSpec, DEFAULT_PAGE_SIZE, Preset, SceneSpec, Technique};
+use crate::manifest::{BakeSpec, DEFAULT_PAGE_SIZE, MAX_CELLS, Preset, SceneSpec, Technique};
 use crate::scene::Scene;
 use lightkiln_format::prm::{LANES, ROW};
 use serde::Serialize;
@@ -12,11 +11,21 @@ use serde::Serialize;
 /// Texels a metre where the manifest says nothing (dossier 5.5: indirect light is smooth).
 pub const DEFAULT_TEXELS_PER_METRE: f64 = 8.0;
 
-/// Most entry cells that a density may ask for: the operator between cells is a dense matrix.
-pub const MAX_CELLS: u32 = 4096;
-
 /// Rays of the operator, each of a cell's 256 samples times 16.
 const OPERATOR_RAYS_PER_CELL: u64 = 256 * 16;
+
+/// Resolved parameters of a bake.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Parameters {
+    /// Paths a reference point.
+    pub samples: u32,
+    /// Hits walked one by one; the operator between cells carries on.
+    pub bounces: u32,
+    /// Entry cells aimed at.
+    pub cells: u32,
+    /// Entry points a cell.
+    pub entries_per_cell: u32,
+}
 
 /// One asset to bake.
 #[derive(Debug, Clone, Serialize)]

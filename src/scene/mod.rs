@@ -12,7 +12,6 @@ mod overrides;
 mod resource;
 pub mod surface;
 mod texture;
-pub mod write;
 
 pub use assemble::{load, load_file};
 pub use loaded::MAX_ELEMENTS;

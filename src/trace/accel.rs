@@ -24,6 +24,16 @@ const ENTRY_SLACK: f32 = 1.0 - 2.0 * (3.0 * 0.5 * f32::EPSILON);
 /// Deepest stack: obvhs trees of 2^31 triangles stay below this depth, three entries a level.
 const STACK: usize = 256;
 
+/// Nodes still to be visited, nearest on top, each with the distance at which the ray enters it. Made
+/// once a batch: clearing it for every ray would cost as much as a tenth of the traversal.
+pub struct Stack([(f32, u32); STACK]);
+
+impl Default for Stack {
+    fn default() -> Self {
+        Self([(0.0, 0); STACK])
+    }
+}
+
 /// Children are inner nodes, leaves (bit 31: first block and count) or absent.
 const LEAF: u32 = 1 << 31;
 const COUNT_SHIFT: u32 = 27;
@@ -209,12 +219,12 @@ impl Accel {
 
     /// Closest hit; `covers` decides about alpha-masked triangles.
     #[inline]
-    pub fn closest(&self, ray: &Ray, covers: impl Fn(&Hit) -> bool) -> Hit {
+    pub fn closest(&self, ray: &Ray, stack: &mut Stack, covers: impl Fn(&Hit) -> bool) -> Hit {
         let mut best = Hit {
             t: ray.limit,
             ..Hit::MISS
         };
-        self.walk(ray, |block, shear, limit| {
+        self.walk(ray, stack, |block, shear, limit| {
             block.intersect(shear, limit, |hit, masked| {
                 let nearer = hit.t < best.t || (hit.t == best.t && hit.triangle < best.triangle);
                 if nearer
@@ -232,9 +242,9 @@ impl Accel {
 
     /// Whether any triangle is hit within the ray's limit.
     #[inline]
-    pub fn occluded(&self, ray: &Ray, covers: impl Fn(&Hit) -> bool) -> bool {
+    pub fn occluded(&self, ray: &Ray, stack: &mut Stack, covers: impl Fn(&Hit) -> bool) -> bool {
         let mut blocked = false;
-        self.walk(ray, |block, shear, limit| {
+        self.walk(ray, stack, |block, shear, limit| {
             block.intersect(shear, limit, |hit, masked| {
                 blocked |= hit.t < limit && hit.triangle != ray.skip && (!masked || covers(&hit));
             });
@@ -246,14 +256,19 @@ impl Accel {
     /// Visits the blocks of every leaf the ray enters, nearest child first, until `visit` returns
     /// `None`; otherwise it returns the new limit.
     #[inline]
-    fn walk(&self, ray: &Ray, mut visit: impl FnMut(&Block, &Shear, f32) -> Option<f32>) {
+    fn walk(
+        &self,
+        ray: &Ray,
+        Stack(stack): &mut Stack,
+        mut visit: impl FnMut(&Block, &Shear, f32) -> Option<f32>,
+    ) {
         if self.nodes.is_empty() {
             return;
         }
         let slabs = Slabs::of(ray);
         let shear = Shear::of(ray);
         let mut limit = ray.limit;
-        let mut stack = [(0.0_f32, 0_u32); STACK];
+        stack[0] = (0.0, 0);
         let mut top = 1;
         while top > 0 {
             top -= 1;

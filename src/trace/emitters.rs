@@ -6,11 +6,12 @@ use crate::scene::Scene;
 use crate::scene::environment::Environment;
 use crate::scene::surface::Facet;
 use glam::{DVec3, Quat, Vec2, Vec3};
-use lightkiln_format::lighting::Light;
+use lightkiln_format::direct::Lamp;
+use lightkiln_format::lighting::{Light, LightingError};
 
 /// Everything that emits: lamps, emissive triangles, sky.
 pub struct Emitters<'a> {
-    lamps: Vec<Lamp>,
+    sources: Vec<Source>,
     surfaces: Option<EmissiveSurfaces>,
     sky: Option<Sky<'a>>,
 }
@@ -54,24 +55,11 @@ impl Sky<'_> {
     }
 }
 
-/// A lamp in local coordinates.
-enum Lamp {
-    Point {
-        position: Vec3,
-        intensity: Vec3,
-        radius: f32,
-    },
-    Spot {
-        position: Vec3,
-        axis: Vec3,
-        intensity: Vec3,
-        cones: [f32; 2],
-        radius: f32,
-    },
-    Directional {
-        towards: Vec3,
-        irradiance: Vec3,
-    },
+/// A source that moves at run time, in local coordinates.
+enum Source {
+    /// Point lamp, spot or directional light, evaluated as the runtime does.
+    Lamp(Lamp),
+    /// One-sided rectangle, sampled by area.
     Rectangle {
         centre: Vec3,
         half_u: Vec3,
@@ -125,22 +113,38 @@ impl Receiver {
 
 impl<'a> Emitters<'a> {
     /// Collects lamps (world space), the scene's emissive triangles if `surfaces`, and a sky.
-    pub fn new(scene: &Scene, lights: &[Light], surfaces: bool, sky: Option<Sky<'a>>) -> Self {
-        let lamps = lights.iter().map(|light| Lamp::of(scene, light)).collect();
+    ///
+    /// # Errors
+    /// [`LightingError::Value`] for the first light with a value out of range.
+    pub fn new(
+        scene: &Scene,
+        lights: &[Light],
+        surfaces: bool,
+        sky: Option<Sky<'a>>,
+    ) -> Result<Self, LightingError> {
+        let source = |(index, light)| Source::of(scene, index, light);
+        let sources = lights
+            .iter()
+            .enumerate()
+            .map(source)
+            .collect::<Result<_, _>>()?;
         let surfaces = if surfaces {
             EmissiveSurfaces::of(scene)
         } else {
             None
         };
-        Self {
-            lamps,
+        Ok(Self {
+            sources,
             surfaces,
             sky,
-        }
+        })
     }
 
     /// Lamps alone: what moves at run time.
-    pub fn lamps(scene: &Scene, lights: &[Light]) -> Self {
+    ///
+    /// # Errors
+    /// As [`Emitters::new`].
+    pub fn lamps(scene: &Scene, lights: &[Light]) -> Result<Self, LightingError> {
         Self::new(scene, lights, false, None)
     }
 
@@ -154,8 +158,8 @@ impl<'a> Emitters<'a> {
         random: [f32; 4],
         out: &mut Vec<Incident>,
     ) {
-        for lamp in &self.lamps {
-            out.extend(lamp.incident(at, random));
+        for source in &self.sources {
+            out.extend(source.incident(at, random));
         }
         if let Some(surfaces) = &self.surfaces {
             out.extend(surfaces.incident(tracer, at, random));
@@ -202,81 +206,42 @@ impl<'a> Emitters<'a> {
     }
 }
 
-impl Lamp {
-    fn of(scene: &Scene, light: &Light) -> Self {
+impl Source {
+    fn of(scene: &Scene, index: usize, light: &Light) -> Result<Self, LightingError> {
         match *light {
-            Light::Point {
-                position,
-                intensity,
-                radius,
-            } => Self::Point {
-                position: scene.to_local(position),
-                intensity,
-                radius,
-            },
-            Light::Spot {
-                position,
-                direction,
-                intensity,
-                inner_cone,
-                outer_cone,
-                radius,
-            } => Self::Spot {
-                position: scene.to_local(position),
-                axis: direction.normalize(),
-                intensity,
-                cones: [inner_cone.cos(), outer_cone.cos()],
-                radius,
-            },
-            Light::Directional {
-                direction,
-                irradiance,
-            } => Self::Directional {
-                towards: -direction.normalize(),
-                irradiance,
-            },
             Light::Rectangle {
                 position,
                 half_u,
                 half_v,
                 radiance,
-            } => Self::Rectangle {
-                centre: scene.to_local(position),
-                half_u,
-                half_v,
-                radiance,
-            },
+            } => {
+                light.validate(index)?;
+                Ok(Self::Rectangle {
+                    centre: scene.to_local(position),
+                    half_u,
+                    half_v,
+                    radiance,
+                })
+            }
+            _ => Lamp::new(light, index, scene.origin.to_array()).map(Self::Lamp),
         }
     }
 
     fn incident(&self, at: &Receiver, random: [f32; 4]) -> Option<Incident> {
-        let (target, irradiance) = match *self {
-            Self::Point {
-                position,
-                intensity,
-                radius,
-            } => {
-                let (w, falloff) = falloff(at, position, radius);
-                (position, intensity * (falloff * at.cosine(w)))
-            }
-            Self::Spot {
-                position,
-                axis,
-                intensity,
-                cones: [inner, outer],
-                radius,
-            } => {
-                let (w, falloff) = falloff(at, position, radius);
-                let fade = ((-axis.dot(w) - outer) / (inner - outer)).clamp(0.0, 1.0);
-                (position, intensity * (falloff * at.cosine(w) * fade * fade))
-            }
-            Self::Directional {
-                towards,
-                irradiance,
-            } => {
-                let irradiance = irradiance * at.cosine(towards);
-                let ray = Ray::new(at.position, towards, at.triangle);
-                return (irradiance.max_element() > 0.0).then_some(Incident { ray, irradiance });
+        let (ray, irradiance) = match self {
+            Self::Lamp(lamp) => {
+                let ray = if lamp.is_local() {
+                    Ray::segment(at.position, lamp.position.into(), at.triangle)
+                } else {
+                    Ray::new(at.position, -Vec3::from(lamp.direction), at.triangle)
+                };
+                let above = at.geometric_normal.dot(ray.direction) > 0.0;
+                let irradiance = if above {
+                    lamp.irradiance(at.position, at.normal)
+                } else {
+                    Vec3::ZERO
+                };
+                (ray, irradiance)
             }
             Self::Rectangle {
                 centre,
@@ -289,24 +254,15 @@ impl Lamp {
                 let to = point - at.position;
                 let d2 = to.length_squared();
                 let w = to / d2.sqrt();
-                let area_normal = half_u.cross(half_v) * 4.0;
+                let area_normal = half_u.cross(*half_v) * 4.0;
                 let toward = (-area_normal.dot(w)).max(0.0);
-                (point, radiance * (at.cosine(w) * toward / d2))
+                let ray = Ray::segment(at.position, point, at.triangle);
+                (ray, radiance * (at.cosine(w) * toward / d2))
             }
         };
-        (irradiance.max_element() > 0.0 && irradiance.is_finite()).then(|| Incident {
-            ray: Ray::segment(at.position, target, at.triangle),
-            irradiance,
-        })
+        (irradiance.max_element() > 0.0 && irradiance.is_finite())
+            .then_some(Incident { ray, irradiance })
     }
-}
-
-/// Unit direction to a lamp and `1 / max(d², radius²)` (dossier 5.8).
-#[inline]
-fn falloff(at: &Receiver, lamp: Vec3, radius: f32) -> (Vec3, f32) {
-    let to = lamp - at.position;
-    let d2 = to.length_squared();
-    (to / d2.sqrt(), 1.0 / d2.max(radius * radius))
 }
 
 impl EmissiveSurfaces {

@@ -1,4 +1,4 @@
-//! Ray tracing over a [`Scene`](crate::scene::Scene): batches of rays in, batches of hits out.
+//! Ray tracing over a [`Scene`]: batches of rays in, batches of hits out.
 //! Knows materials and lights, but no technique.
 
 pub mod accel;
@@ -10,7 +10,7 @@ pub mod visibility;
 
 use crate::scene::Scene;
 use crate::scene::surface::{Facet, SurfacePoint, Surfaces};
-use accel::Accel;
+use accel::{Accel, Stack};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -153,8 +153,9 @@ impl<'s> Tracer<'s> {
     pub fn closest(&self, rays: &[Ray], hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "one hit a ray");
         let batch = |rays: &[Ray], hits: &mut [Hit]| {
+            let mut stack = Stack::default();
             for (ray, hit) in rays.iter().zip(hits) {
-                *hit = self.accel.closest(ray, |hit| self.covers(hit));
+                *hit = self.accel.closest(ray, &mut stack, |hit| self.covers(hit));
             }
         };
         if rays.len() <= RAYS_PER_TASK {
@@ -173,8 +174,9 @@ impl<'s> Tracer<'s> {
     pub fn occluded(&self, rays: &[Ray], blocked: &mut [bool]) {
         assert_eq!(rays.len(), blocked.len(), "one answer a ray");
         let batch = |rays: &[Ray], blocked: &mut [bool]| {
+            let mut stack = Stack::default();
             for (ray, blocked) in rays.iter().zip(blocked) {
-                *blocked = self.accel.occluded(ray, |hit| self.covers(hit));
+                *blocked = self.accel.occluded(ray, &mut stack, |hit| self.covers(hit));
             }
         };
         if rays.len() <= RAYS_PER_TASK {

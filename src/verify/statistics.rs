@@ -127,7 +127,7 @@ pub fn compare(
                 .map(|&i| receiver(&domain.points[i]))
                 .collect();
             let lamp = unit_lamp(tracer, pose.position);
-            let halves = reference_halves(tracer, &lamp, &receivers, effort.paths, number as u32);
+            let halves = reference_halves(tracer, &lamp, &receivers, effort.paths, number as u32)?;
             progress.step(1);
             let found = chosen.iter().map(|&i| Vec3::from(baked[i]).as_dvec3());
             Ok(pose_error(pose, &lamp, found.collect(), &halves))
@@ -136,15 +136,18 @@ pub fn compare(
 }
 
 /// Two independent halves of the reference indirect irradiance at `receivers`.
+///
+/// # Errors
+/// Those of the lamp's values.
 pub fn reference_halves(
     tracer: &Tracer,
     lamp: &Light,
     receivers: &[Receiver],
     paths: u32,
     seed: u32,
-) -> [Vec<DVec3>; 2] {
-    let emitters = Emitters::lamps(tracer.scene(), std::slice::from_ref(lamp));
-    [0, 1].map(|half| {
+) -> Result<[Vec<DVec3>; 2]> {
+    let emitters = Emitters::lamps(tracer.scene(), std::slice::from_ref(lamp))?;
+    Ok([0, 1].map(|half| {
         let options = Options {
             part: Part::Indirect,
             paths: (paths / 16).max(1),
@@ -156,7 +159,7 @@ pub fn reference_halves(
             .iter()
             .map(|e| e.mean)
             .collect()
-    })
+    }))
 }
 
 /// `count` points spread evenly by area over all points with data of their own.

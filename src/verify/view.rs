@@ -4,7 +4,8 @@
 use super::poses::lamp_volumes;
 use super::statistics::{baked_irradiance, reference_halves, unit_lamp};
 use crate::domain::{Domain, NO_PAGE};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::progress::Progress;
 use crate::scene::View;
 use crate::scene::surface::SurfacePoint;
 use crate::trace::emitters::{Emitters, Receiver};
@@ -95,6 +96,9 @@ fn openness(tracer: &Tracer, eye: Vec3, forward: Vec3) -> f32 {
     };
     rays.iter().zip(&hits).map(worth).sum::<f32>()
 }
+
+/// Pixels of a reference picture traced between two looks at whether to stop.
+const REFERENCE_BATCH: usize = 4096;
 
 /// Traces the camera's rays.
 pub fn see(tracer: &Tracer, domain: &Domain, view: &View, width: u32, height: u32) -> Seen {
@@ -187,9 +191,12 @@ impl Seen {
     }
 
     /// Direct irradiance of a point lamp of 1 W/sr, W/m².
-    pub fn direct(&self, tracer: &Tracer, lamp: Vec3) -> Picture {
-        let emitters = Emitters::lamps(tracer.scene(), &[unit_lamp(tracer, lamp)]);
-        self.map(|seen| {
+    ///
+    /// # Errors
+    /// Those of the lamp's position.
+    pub fn direct(&self, tracer: &Tracer, lamp: Vec3) -> Result<Picture> {
+        let emitters = Emitters::lamps(tracer.scene(), &[unit_lamp(tracer, lamp)])?;
+        Ok(self.map(|seen| {
             let mut incident = Vec::new();
             emitters.incident(tracer, &seen.receiver, [0.5; 4], &mut incident);
             let mut blocked = vec![false; incident.len()];
@@ -201,7 +208,7 @@ impl Seen {
                 .filter(|(_, b)| !b)
                 .map(|(i, _)| i.irradiance)
                 .sum()
-        })
+        }))
     }
 
     /// Indirect irradiance of the same lamp from the asset's lightmap, bilinear, W/m².
@@ -210,9 +217,9 @@ impl Seen {
     /// Those of the asset's evaluation.
     pub fn baked(&self, tracer: &Tracer, prm: &Prm, lamp: Vec3) -> Result<Picture> {
         let values = baked_irradiance(tracer, prm, lamp)?;
-        let pages = prm.lightmap(&values).map_err(|e| {
-            crate::error::Error::input("asset".as_ref(), "prm", e.to_string(), "bake it again")
-        })?;
+        let pages = prm
+            .lightmap(&values)
+            .map_err(|e| Error::input("asset".as_ref(), "prm", e.to_string(), "bake it again"))?;
         Ok(self.map(|&Sighting { page, texel, .. }| {
             if page == NO_PAGE {
                 return Vec3::ZERO;
@@ -232,11 +239,29 @@ impl Seen {
     }
 
     /// Indirect irradiance of the same lamp by the path tracer, `paths` a pixel, W/m².
-    pub fn reference(&self, tracer: &Tracer, lamp: Vec3, paths: u32) -> Picture {
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn reference(
+        &self,
+        tracer: &Tracer,
+        lamp: Vec3,
+        paths: u32,
+        progress: &Progress,
+    ) -> Result<Picture> {
         let receivers: Vec<Receiver> = self.pixels.iter().flatten().map(|p| p.receiver).collect();
         let lamp = unit_lamp(tracer, lamp);
-        let [a, b] = reference_halves(tracer, &lamp, &receivers, paths, 0);
-        let mut values = a.iter().zip(&b).map(|(a, b)| ((*a + *b) * 0.5).as_vec3());
+        let batches = receivers.chunks(REFERENCE_BATCH);
+        let scene = &tracer.scene().name;
+        progress.stage(scene, "drawing the reference", batches.len() as u64);
+        let mut values = Vec::with_capacity(receivers.len());
+        for (number, batch) in batches.enumerate() {
+            progress.check()?;
+            let [a, b] = reference_halves(tracer, &lamp, batch, paths, number as u32)?;
+            values.extend(a.iter().zip(&b).map(|(a, b)| ((*a + *b) * 0.5).as_vec3()));
+            progress.step(1);
+        }
+        let mut values = values.into_iter();
         let pixels = self
             .pixels
             .iter()
@@ -248,11 +273,11 @@ impl Seen {
                 }
             })
             .collect();
-        Picture {
+        Ok(Picture {
             width: self.width,
             height: self.height,
             pixels,
-        }
+        })
     }
 }
 

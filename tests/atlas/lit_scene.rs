@@ -3,8 +3,8 @@
 use super::scenes::mixed;
 use super::{lay_out, options};
 use glam::{DVec3, Vec2, Vec3};
+use lightkiln::bake::lit_scene::write_glb;
 use lightkiln::scene::material::{Material, Texture, TextureRef, Wrap};
-use lightkiln::scene::write::write_glb;
 use lightkiln::scene::{Bounds, Portal, Role, Scene};
 use lightkiln_format::lighting::Light;
 

@@ -4,6 +4,7 @@ use super::polygon::{barycentric, doubled_area, inside, overlaps};
 use super::surface_area;
 use crate::domain::{LightmapUvs, NO_PAGE, ReferencePoint};
 use crate::scene::Scene;
+use crate::scene::surface::Surfaces;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -29,8 +30,8 @@ struct Cover {
 ///
 /// A texel belongs to the triangle that contains its centre, else to the one that covers most of it
 /// (the lowest number of several). The point lies at the texel's centre or, when no triangle of the
-/// chart contains that, at the centroid of what the triangle covers; it is held inside the triangle
-/// by the rounding bound of interpolation and lifted off its plane as in pbrt-v4 6.8.6.
+/// chart contains that, at the centroid of what the triangle covers; it is kept off the triangle's
+/// edges and lifted off its plane by [`Surfaces::lifted`].
 ///
 /// The areas of a chart's points add up to its surface. A chart thinner than rounding still gets one
 /// point. Texels covered by less than the rounding of their coordinates get none.
@@ -45,9 +46,10 @@ pub fn reference_points(scene: &Scene, uvs: &LightmapUvs) -> Vec<ReferencePoint>
     let charts: Vec<&[u32]> = charted
         .chunk_by(|&a, &b| uvs.chart_of[a as usize] == uvs.chart_of[b as usize])
         .collect();
+    let surfaces = Surfaces::of(scene);
     let points: Vec<Vec<Candidate>> = charts
         .par_iter()
-        .map(|triangles| chart_points(scene, uvs, triangles))
+        .map(|triangles| chart_points(scene, &surfaces, uvs, triangles))
         .collect();
     claim_once(points.into_iter().flatten().collect())
 }
@@ -85,7 +87,12 @@ fn claim_once(candidates: Vec<Candidate>) -> Vec<ReferencePoint> {
         .collect()
 }
 
-fn chart_points(scene: &Scene, uvs: &LightmapUvs, triangles: &[u32]) -> Vec<Candidate> {
+fn chart_points(
+    scene: &Scene,
+    surfaces: &Surfaces,
+    uvs: &LightmapUvs,
+    triangles: &[u32],
+) -> Vec<Candidate> {
     let [width, height] = uvs.pages[uvs.page_of[triangles[0] as usize] as usize];
     let corners_of = |t: u32| uvs.corners[t as usize].map(|c| c.as_dvec2());
     let all_corners = triangles.iter().flat_map(|&t| corners_of(t));
@@ -150,7 +157,7 @@ fn chart_points(scene: &Scene, uvs: &LightmapUvs, triangles: &[u32]) -> Vec<Cand
     });
     let kept: f64 = groups.iter().map(|g| g.2).sum();
     if groups.is_empty() || kept == 0.0 {
-        return vec![collapsed(scene, uvs, triangles, total)];
+        return vec![collapsed(scene, surfaces, uvs, triangles, total)];
     }
     groups
         .into_iter()
@@ -162,7 +169,13 @@ fn chart_points(scene: &Scene, uvs: &LightmapUvs, triangles: &[u32]) -> Vec<Cand
                 texel: cover.texel.map(|t| t as u16),
             };
             Candidate {
-                point: place.point(scene, cover.triangle, weights, surface * total / kept),
+                point: place.point(
+                    scene,
+                    surfaces,
+                    cover.triangle,
+                    weights,
+                    surface * total / kept,
+                ),
                 centre_inside: cover.centre_inside,
                 area,
             }
@@ -172,7 +185,13 @@ fn chart_points(scene: &Scene, uvs: &LightmapUvs, triangles: &[u32]) -> Vec<Cand
 
 /// The one point of a chart whose coordinates all round to a line or a point: the middle of its
 /// largest triangle.
-fn collapsed(scene: &Scene, uvs: &LightmapUvs, triangles: &[u32], total: f64) -> Candidate {
+fn collapsed(
+    scene: &Scene,
+    surfaces: &Surfaces,
+    uvs: &LightmapUvs,
+    triangles: &[u32],
+    total: f64,
+) -> Candidate {
     let larger = |a: u32, b: u32| {
         if surface_area(scene, b) > surface_area(scene, a) {
             b
@@ -198,7 +217,7 @@ fn collapsed(scene: &Scene, uvs: &LightmapUvs, triangles: &[u32], total: f64) ->
         chart,
         texel: texel.map(|t| t as u16),
     };
-    let point = place.point(scene, triangle, [1.0 / 3.0; 3], total);
+    let point = place.point(scene, surfaces, triangle, [1.0 / 3.0; 3], total);
     Candidate {
         point,
         centre_inside: false,
@@ -212,24 +231,19 @@ struct Place {
     texel: [u16; 2],
 }
 
-/// pbrt's bound on the relative error of `n` roundings to f32.
-const fn gamma(n: u32) -> f64 {
-    let nu = n as f64 * (f32::EPSILON as f64 / 2.0);
-    nu / (1.0 - nu)
-}
-
 impl Place {
-    fn point(&self, scene: &Scene, triangle: u32, weights: [f64; 3], area: f64) -> ReferencePoint {
-        let corners = scene.corners(triangle).map(|p| p.as_dvec3());
-        let normal = (corners[1] - corners[0])
-            .cross(corners[2] - corners[0])
-            .normalize();
-        let weights = hold_inside(corners, weights);
-        let position: DVec3 = corners.iter().zip(weights).map(|(&p, b)| p * b).sum();
-        let error: DVec3 = corners.iter().zip(weights).map(|(p, b)| p.abs() * b).sum();
-        let geometric_normal = normal.as_vec3().normalize();
+    fn point(
+        &self,
+        scene: &Scene,
+        surfaces: &Surfaces,
+        triangle: u32,
+        weights: [f64; 3],
+        area: f64,
+    ) -> ReferencePoint {
+        let geometric_normal = surfaces.facet(triangle).normal;
+        let [_, u, v] = weights.map(|w| w as f32);
         ReferencePoint {
-            position: lift(position, normal, error * gamma(7)),
+            position: surfaces.lifted(triangle, u, v, true),
             normal: shading_normal(scene, triangle, weights, geometric_normal),
             geometric_normal,
             triangle,
@@ -239,57 +253,6 @@ impl Place {
             chart: self.chart,
         }
     }
-}
-
-/// Barycentric weights moved towards the inside so that rounding the position to f32, and any other
-/// evaluation in f32 of seven roundings or less, leaves it off every edge: the distance from the
-/// edge opposite to a corner is the corner's weight times its height. A triangle lower than the bound
-/// gets its centroid.
-fn hold_inside(corners: [DVec3; 3], weights: [f64; 3]) -> [f64; 3] {
-    let [a, b, c] = corners;
-    let largest = a.abs().max(b.abs()).max(c.abs());
-    let error = gamma(7) * largest.length();
-    let doubled = (b - a).cross(c - a).length();
-    let least = [c - b, a - c, b - a].map(|edge| error * edge.length() / doubled);
-    let room = 1.0 - least.iter().sum::<f64>();
-    if room.is_nan() || room <= 0.0 {
-        return [1.0 / 3.0; 3];
-    }
-    let clamped = weights.map(|w| w.max(0.0));
-    let sum: f64 = clamped.iter().sum();
-    std::array::from_fn(|i| least[i] + room * clamped[i] / sum)
-}
-
-/// `position` moved along `normal` past its error bound, and rounded away from the plane by at least
-/// one ulp in each coordinate in which the normal has a component.
-fn lift(position: DVec3, normal: DVec3, error: DVec3) -> Vec3 {
-    let offset = normal * normal.abs().dot(error);
-    let moved = position + offset;
-    let away = |moved: f64, from: f64, direction: f64| {
-        let (rounded, from) = (moved as f32, from as f32);
-        if direction > 0.0 {
-            let up = if f64::from(rounded) < moved {
-                rounded.next_up()
-            } else {
-                rounded
-            };
-            up.max(from.next_up())
-        } else if direction < 0.0 {
-            let down = if f64::from(rounded) > moved {
-                rounded.next_down()
-            } else {
-                rounded
-            };
-            down.min(from.next_down())
-        } else {
-            rounded
-        }
-    };
-    Vec3::new(
-        away(moved.x, position.x, normal.x),
-        away(moved.y, position.y, normal.y),
-        away(moved.z, position.z, normal.z),
-    )
 }
 
 /// Interpolated unit normal. Normals that all point to the back are turned; one that only

@@ -8,9 +8,9 @@
 mod light;
 mod material;
 
-use super::{Bounds, Instance, Scene};
 use crate::domain::{LightmapUvs, NO_PAGE};
 use crate::error::{Error, Result};
+use crate::scene::{Bounds, Instance, Scene};
 use glam::{DVec3, Vec2, Vec3};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
