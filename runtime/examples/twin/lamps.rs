@@ -19,7 +19,11 @@ pub fn spread(
         });
     let quarter = (high - low) * 0.25;
     let stand_in = [[(low + quarter).to_array(), (high - quarter).to_array()]];
-    let volumes = if volumes.is_empty() { &stand_in } else { volumes };
+    let volumes = if volumes.is_empty() {
+        &stand_in
+    } else {
+        volumes
+    };
     // Powers of the real root of x^4 = x + 1.
     let step = DVec3::new(0.819_172_513_396, 0.671_043_606_704, 0.549_700_477_901);
     (0..count)

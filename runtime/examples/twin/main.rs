@@ -135,7 +135,11 @@ fn one(
     let seen: Vec<f32> = gpu::read(gpu, runtime.visibility());
     let seen = &seen[..entries];
     let expected = prm.evaluate(&prm.cell_irradiance(lights, seen)?)?;
-    let mean = expected.iter().flatten().map(|&v| f64::from(v)).sum::<f64>()
+    let mean = expected
+        .iter()
+        .flatten()
+        .map(|&v| f64::from(v))
+        .sum::<f64>()
         / (3 * expected.len()) as f64;
 
     let points: Vec<[f32; 4]> = gpu::read(gpu, runtime.points());
