@@ -7,7 +7,8 @@ use lightkiln::bake::prm::Baked;
 use lightkiln::error::Result;
 use lightkiln::progress::Progress;
 use lightkiln::trace::Tracer;
-use lightkiln::verify::{poses, view};
+use lightkiln::verify::poses;
+use lightkiln::verify::view::{self, Picture};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -63,20 +64,22 @@ pub fn run(scenes: &Scenes, progress: &Arc<Progress>) -> Result<u8> {
     Ok(0)
 }
 
-/// `direct.png`, `lit.png` and `indirect.png` of the first lamp pose.
+/// `direct.png`, `lit.png` and `indirect.png` of a lamp in the middle of the first lamp volume,
+/// with 2 x 2 samples a pixel.
 fn pictures(prepared: &Prepared, tracer: &Tracer, baked: &Baked, dir: &Path) -> Result<()> {
     let seen = view::see(
         tracer,
         &prepared.domain,
         &view::camera(tracer),
-        SIZE.0,
-        SIZE.1,
+        2 * SIZE.0,
+        2 * SIZE.1,
     );
-    let lamp = poses::poses(tracer, 1)[0].position;
+    let lamp = poses::for_pictures(tracer);
     let albedo = seen.albedo();
     let radiance = |e: Vec3, rho: Vec3| e * rho * std::f32::consts::FRAC_1_PI;
-    let direct = seen.direct(tracer, lamp)?.zip(&albedo, radiance);
-    let indirect = seen.baked(tracer, &baked.prm, lamp)?.zip(&albedo, radiance);
+    let shaded = |irradiance: Picture| irradiance.zip(&albedo, radiance).halved();
+    let direct = shaded(seen.direct(tracer, lamp)?);
+    let indirect = shaded(seen.baked(tracer, &baked.prm, lamp)?);
     let lit = direct.zip(&indirect, |a, b| a + b);
     let exposure = lit.exposure();
     for (name, picture) in [("direct", &direct), ("indirect", &indirect), ("lit", &lit)] {

@@ -19,7 +19,7 @@ pub const BLOCK: usize = 64;
 
 /// Paths below this throughput play Russian roulette: they survive with probability
 /// `throughput / ROULETTE_BELOW` and carry `ROULETTE_BELOW` on, so the expectation stays.
-const ROULETTE_BELOW: f32 = 0.05;
+const ROULETTE_BELOW: f32 = 1.0 / 128.0;
 
 /// How much is traced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

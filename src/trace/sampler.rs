@@ -68,7 +68,9 @@ pub fn cosine(n: Vec3, u: f32, v: f32) -> Vec3 {
     } else {
         (r * cos, r * sin)
     };
-    let z = (1.0 - x * x - y * y).max(0.0).sqrt();
+    // Not below the rounding of the difference: at the rim of the disk the direction would be
+    // horizontal, and the path lost.
+    let z = (1.0 - x * x - y * y).max(0.5 * f32::EPSILON).sqrt();
     let (t, s) = basis(n);
     t * x + s * y + n * z
 }

@@ -42,6 +42,12 @@ pub fn poses(tracer: &Tracer, count: u32) -> Vec<Pose> {
         .collect()
 }
 
+/// Where the lamp of pictures stands, local metres: the middle of the first lamp volume.
+pub fn for_pictures(tracer: &Tracer) -> Vec3 {
+    let volume = lamp_volumes(tracer.scene())[0];
+    (volume.min + volume.max) * 0.5
+}
+
 /// The scene's lamp volumes, or a stand-in.
 pub fn lamp_volumes(scene: &Scene) -> Vec<Bounds> {
     if !scene.lamp_volumes.is_empty() {

@@ -293,6 +293,23 @@ impl Picture {
         Self { pixels, ..*self }
     }
 
+    /// Half the size: means of 2 x 2 pixels.
+    pub fn halved(&self) -> Self {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let at = |x: u32, y: u32| self.pixels[(y * self.width + x) as usize];
+        let pixels = (0..width * height)
+            .map(|i| {
+                let (x, y) = (2 * (i % width), 2 * (i / width));
+                (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1)) * 0.25
+            })
+            .collect();
+        Self {
+            width,
+            height,
+            pixels,
+        }
+    }
+
     /// Exposure that brings the 95th percentile of the brightest channel to 0.8.
     pub fn exposure(&self) -> f32 {
         let mut values: Vec<f32> = self
