@@ -4,13 +4,12 @@ use crate::Figure;
 use crate::closed_forms::{self, sidak_t7};
 use crate::shapes::Builder;
 use glam::{DVec3, Vec3};
-use lightkiln::bake::prm;
+use lightkiln::bake::prm::{self, Baked};
 use lightkiln::domain::Domain;
 use lightkiln::domain::atlas::AtlasOptions;
 use lightkiln::error::Result;
 use lightkiln::manifest::{BakeSpec, Technique};
-use lightkiln::plan;
-use lightkiln::plan::Parameters;
+use lightkiln::plan::{self, Parameters};
 use lightkiln::progress::Progress;
 use lightkiln::scene::Scene;
 use lightkiln::trace::{Build, Tracer};
@@ -52,12 +51,12 @@ fn defaults(scene: &Scene) -> Parameters {
     plan::parameters(&spec, surface)
 }
 
-fn bake(tracer: &Tracer) -> Result<(Domain, Prm)> {
+fn bake(tracer: &Tracer) -> Result<(Domain, Baked)> {
     let progress = Progress::default();
     let scene = tracer.scene();
     let domain = Domain::atlas(scene, &AtlasOptions::default(), &progress)?;
     let baked = prm::bake(tracer, &domain, &defaults(scene), &progress)?;
-    Ok((domain, baked.prm))
+    Ok((domain, baked))
 }
 
 /// Values of the sound points with their areas.
@@ -142,7 +141,7 @@ pub fn sphere() -> Result<Vec<Figure>> {
             .sphere(DVec3::ZERO, RADIUS, LEVEL, true)
             .build();
         let tracer = Tracer::new(&scene, Build::Good);
-        let (domain, prm) = bake(&tracer)?;
+        let (domain, Baked { prm, .. }) = bake(&tracer)?;
         let rho = f64::from(albedo);
         let expected = rho / (1.0 - rho) / (RADIUS * RADIUS);
         let mut own = Worst::default();
@@ -219,7 +218,12 @@ pub fn room() -> Result<Vec<Figure>> {
             .room(DVec3::new(2.0, 1.5, 3.0), DVec3::new(1.0, 0.5, 1.2), 2)
             .build();
         let tracer = Tracer::new(&scene, Build::Good);
-        let (domain, prm) = bake(&tracer)?;
+        let (
+            domain,
+            Baked {
+                prm, statistics, ..
+            },
+        ) = bake(&tracer)?;
         let total = prm
             .evaluate(&vec![Vec3::ONE.to_array(); prm.cells()])
             .expect("one value a cell");
@@ -229,9 +233,13 @@ pub fn room() -> Result<Vec<Figure>> {
         worst = worst.max(most);
         worst_mean = worst_mean.max(deviation.mean.abs());
         notes.push(format!(
-            "albedo {albedo}: mean {:+.1e}, worst of {} texels {most:.1e}",
+            "albedo {albedo}: mean {:+.1e}, worst of {} texels {most:.1e}, 99th percentile {:.1e}, \
+             largest share dropped {:.1e}, first hits on back faces {:.1e}",
             deviation.mean,
-            domain.points.len()
+            domain.points.len(),
+            deviation.quantile(0.99),
+            statistics.dropped_share_bound,
+            statistics.back_face_share
         ));
     }
     Ok(vec![Figure {

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from . import bakes, readers
 from .line import Line, Row
-from .tools import ROOT, TARGET, WORK, baker, example, figures, output, run
+from .tools import ROOT, TARGET, WORK, baker, example, figures, rows_of, run
 
 #: Median relative RMS promised for the worked scenes.
 TARGETS = {"box": 0.05, "chamber": 0.08}
@@ -123,11 +123,10 @@ def same_bytes():
 def twins():
     """The runtime's shaders against the CPU twin on baked scenes."""
     out = bakes.worked()
-    tool = example("lightkiln-runtime", "twin")
+    tool = example("twin")
     rows = []
     for scene in bakes.scene_names(bakes.manifest()):
-        for text in output([tool, out / scene]).splitlines():
-            rows.append(Row(**json.loads(text)))
+        rows += rows_of(run([tool, out / scene]))
     return rows
 
 

@@ -1,5 +1,6 @@
 """Running commands, building the project, installing what assets are read with."""
 
+import functools
 import json
 import os
 import re
@@ -37,22 +38,32 @@ def output(command, **options):
     return run(command, **options).strip()
 
 
+@functools.cache
+def build():
+    """Everything that measures, built at once: packages built one by one would differ in features."""
+    run(["cargo", "build", "--release", "--workspace", "--bins", "--examples"])
+
+
 def baker():
-    """The optimised command, built now."""
-    run(["cargo", "build", "--release", "--bin", "lightkiln"])
+    """The optimised command."""
+    build()
     return TARGET / "release" / "lightkiln"
 
 
-def example(package, name):
-    """An optimised example, built now."""
-    run(["cargo", "build", "--release", "-p", package, "--example", name])
+def example(name):
+    """An optimised example."""
+    build()
     return TARGET / "release" / "examples" / name
 
 
 def figures(*arguments):
     """Rows that `examples/accept` prints."""
-    lines = run([example("lightkiln", "accept"), *arguments]).splitlines()
-    return [Row(**json.loads(line)) for line in lines]
+    return rows_of(run([example("accept"), *arguments]))
+
+
+def rows_of(text):
+    """The JSON objects among lines of output."""
+    return [Row(**json.loads(line)) for line in text.splitlines() if line.startswith("{")]
 
 
 def scenes_folder():

@@ -20,6 +20,13 @@ pub struct Vertex {
     pub page: f32,
 }
 
+/// A lamp volume as `scene.lit.glb` holds it.
+#[derive(serde::Deserialize)]
+struct LampVolume {
+    min: [f64; 3],
+    max: [f64; 3],
+}
+
 /// Triangles with and without back-face culling.
 #[derive(Debug, Default)]
 pub struct Scene {
@@ -46,8 +53,9 @@ impl Scene {
         let root_scene = root_scene.ok_or_else(|| fail("has no scene".into()))?;
         let mut scene = Self::default();
         if let Some(volumes) = extras(root_scene.extras()).get("lamp_volumes") {
-            scene.lamp_volumes = serde_json::from_value(volumes.clone())
+            let volumes: Vec<LampVolume> = serde_json::from_value(volumes.clone())
                 .map_err(|e| fail(format!("scene extras: `lamp_volumes`: {e}")))?;
+            scene.lamp_volumes = volumes.iter().map(|v| [v.min, v.max]).collect();
         }
         let mut roots = root_scene.nodes();
         let (Some(root), None) = (roots.next(), roots.next()) else {
