@@ -5,9 +5,9 @@
 mod scenes;
 
 use glam::Vec3;
+use lightkiln::bake::lit_scene::write_glb;
 use lightkiln::manifest::Manifest;
 use lightkiln::scene::Scene;
-use lightkiln::scene::write::write_glb;
 use lightkiln::trace::sampler::{cosine, mix, sobol, sphere};
 use lightkiln::trace::{Build, Hit, NO_TRIANGLE, Ray, Tracer};
 use std::path::{Path, PathBuf};

@@ -28,7 +28,7 @@ fn main() -> ExitCode {
 }
 
 fn write(scene: &lightkiln::scene::Scene, file: &Path) -> Result<usize, String> {
-    let bytes = lightkiln::scene::write::write_glb(scene, None).map_err(|e| e.to_string())?;
+    let bytes = lightkiln::bake::lit_scene::write_glb(scene, None).map_err(|e| e.to_string())?;
     std::fs::create_dir_all(file.parent().unwrap_or(file)).map_err(|e| e.to_string())?;
     std::fs::write(file, &bytes).map_err(|e| e.to_string())?;
     Ok(bytes.len())
