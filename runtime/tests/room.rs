@@ -286,7 +286,9 @@ pub fn write_glb(path: &Path) {
     let document = json!({
         "asset": { "version": "2.0" },
         "scene": 0,
-        "scenes": [{ "nodes": [0], "extras": { "lightkiln": { "lamp_volumes": [LAMP_VOLUME] } } }],
+        "scenes": [{ "nodes": [0], "extras": { "lightkiln": { "lamp_volumes": [
+            { "min": LAMP_VOLUME[0], "max": LAMP_VOLUME[1] }
+        ] } } }],
         "nodes": [
             { "name": "root", "translation": ORIGIN, "children": [1, 2, 3] },
             { "name": "room", "mesh": 0, "extras": { "lightkiln": { "role": "static" } } },
