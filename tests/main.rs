@@ -2,6 +2,8 @@
 
 /// Closed forms: form factors, furnaces, the integrating sphere.
 mod analytic;
+/// The scenes in `assets/`: reproducible, closed, lit from open space.
+mod assets;
 /// Lightmap atlas: coverage, charts, determinism.
 mod atlas;
 /// The built command: plan, bake, inspect, evaluate, verify, refusals, Ctrl-C, determinism.

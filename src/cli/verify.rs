@@ -13,8 +13,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Size of the compared pictures, pixels, and reference paths a pixel, at most.
-const SIZE: (u32, u32) = (480, 300);
-const PICTURE_PATHS: u32 = 256;
+const SIZE: (u32, u32) = (320, 200);
+const PICTURE_PATHS: u32 = 128;
 
 pub fn run(
     scenes: &Scenes,

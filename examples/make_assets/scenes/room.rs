@@ -86,6 +86,6 @@ pub fn build() -> Scene {
     let top = 2.0 * half.y - sink;
     sphere(&mut mesh, dvec3(0.52, top + 0.24 - sink, 1.2), 0.24, 8);
     mesh.node("blue sphere", blue);
-    sphere(&mut mesh, dvec3(-0.2, 0.17 - sink, 1.72), 0.17, 8);
+    sphere(&mut mesh, dvec3(-0.1, 0.17 - sink, 1.5), 0.17, 8);
     mesh.finish()
 }

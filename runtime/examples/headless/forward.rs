@@ -259,7 +259,7 @@ impl Pass<'_> {
             (&single, &scene.single_sided),
             (&double, &scene.double_sided),
         ] {
-            let group = self.bind(pipeline, view, runtime, cubes);
+            let group = self.bind(pipeline, view, scene, runtime, cubes);
             let buffer = self.buffer(indices, wgpu::BufferUsages::INDEX);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &group, &[]);
@@ -306,6 +306,7 @@ impl Pass<'_> {
         &self,
         pipeline: &wgpu::RenderPipeline,
         view: &View,
+        scene: &Scene,
         runtime: &PrmRuntime,
         cubes: &ShadowCubes,
     ) -> wgpu::BindGroup {
@@ -316,6 +317,8 @@ impl Pass<'_> {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
+        let headers = self.buffer(&scene.textures.headers, wgpu::BufferUsages::STORAGE);
+        let texels = self.buffer(&scene.textures.texels, wgpu::BufferUsages::STORAGE);
         let resources = [
             view.as_entire_binding(),
             lamps.as_entire_binding(),
@@ -323,8 +326,10 @@ impl Pass<'_> {
             cubes.near().as_entire_binding(),
             wgpu::BindingResource::TextureView(runtime.lightmap()),
             wgpu::BindingResource::Sampler(&sampler),
+            headers.as_entire_binding(),
+            texels.as_entire_binding(),
         ];
-        let entries = [0, 1, 2, 3, 4, 5].map(|binding| wgpu::BindGroupEntry {
+        let entries = [0, 1, 2, 3, 4, 5, 6, 7].map(|binding| wgpu::BindGroupEntry {
             binding,
             resource: resources[binding as usize].clone(),
         });
@@ -344,7 +349,8 @@ impl Pass<'_> {
                 source: wgpu::ShaderSource::Wgsl(source.into()),
             });
         let attributes = wgpu::vertex_attr_array![
-            0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Float32x3, 4 => Float32
+            0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Float32x3, 4 => Float32,
+            5 => Float32x2, 6 => Float32
         ];
         let target = || Some(wgpu::TextureFormat::Rgba32Float.into());
         self.device

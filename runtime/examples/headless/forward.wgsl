@@ -13,6 +13,9 @@ struct View {
 @group(0) @binding(3) var<uniform> near: f32;
 @group(0) @binding(4) var lightmap: texture_2d_array<f32>;
 @group(0) @binding(5) var bilinear: sampler;
+// Of each texture: first texel, width, height, wrapping (two bits each; repeat, mirror, clamp).
+@group(0) @binding(6) var<storage, read> headers: array<vec4u>;
+@group(0) @binding(7) var<storage, read> texels: array<u32>;
 
 struct Surface {
     @builtin(position) clip: vec4f,
@@ -21,6 +24,8 @@ struct Surface {
     @location(2) lightmap: vec2f,
     @location(3) albedo: vec3f,
     @location(4) @interpolate(flat) page: f32,
+    @location(5) uv: vec2f,
+    @location(6) @interpolate(flat) number: f32,
 }
 
 @vertex
@@ -30,9 +35,41 @@ fn place(
     @location(2) coordinates: vec2f,
     @location(3) albedo: vec3f,
     @location(4) page: f32,
+    @location(5) uv: vec2f,
+    @location(6) number: f32,
 ) -> Surface {
     let clip = view.projection * vec4f(position, 1.0);
-    return Surface(clip, position, normal, coordinates, albedo, page);
+    return Surface(clip, position, normal, coordinates, albedo, page, uv, number);
+}
+
+fn wrap(i: i32, n: i32, mode: u32) -> i32 {
+    let m = select(n, 2 * n, mode == 1u);
+    let j = (i % m + m) % m;
+    let folded = select(j, 2 * n - 1 - j, j >= n);
+    return select(folded, clamp(i, 0, n - 1), mode == 2u);
+}
+
+// Linear colour of one texel.
+fn texel(header: vec4u, at: vec2i) -> vec3f {
+    let size = vec2i(header.yz);
+    let x = wrap(at.x, size.x, header.w & 3u);
+    let y = wrap(at.y, size.y, header.w >> 2u);
+    let c = unpack4x8unorm(texels[header.x + u32(y * size.x + x)]).xyz;
+    return select(pow((c + 0.055) / 1.055, vec3f(2.4)), c / 12.92, c <= vec3f(0.04045));
+}
+
+// Bilinear, without mipmaps: the picture has several samples a pixel.
+fn base_colour(number: f32, uv: vec2f) -> vec3f {
+    if number < 0.0 {
+        return vec3f(1.0);
+    }
+    let header = headers[u32(number)];
+    let at = uv * vec2f(header.yz) - 0.5;
+    let corner = vec2i(floor(at));
+    let f = fract(at);
+    let top = mix(texel(header, corner), texel(header, corner + vec2i(1, 0)), f.x);
+    let low = mix(texel(header, corner + vec2i(0, 1)), texel(header, corner + vec2i(1, 1)), f.x);
+    return mix(top, low, f.y);
 }
 
 struct Radiance {
@@ -56,6 +93,6 @@ fn shade(surface: Surface) -> Radiance {
         let visible = cube_visibility(cubes, near, i, from_lamp, normal);
         direct += irradiance(lamps[i], surface.position, normal) * visible;
     }
-    let brdf = surface.albedo / 3.14159265;
+    let brdf = surface.albedo * base_colour(surface.number, surface.uv) / 3.14159265;
     return Radiance(vec4f(brdf * direct, 1.0), vec4f(brdf * indirect, 1.0));
 }

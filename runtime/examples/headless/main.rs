@@ -6,6 +6,7 @@
 mod forward;
 mod picture;
 mod scene;
+mod texture;
 
 use std::process::ExitCode;
 

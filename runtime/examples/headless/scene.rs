@@ -1,10 +1,11 @@
 //! Reads `scene.lit.glb` into what the forward pass draws.
 
+use crate::texture::Textures;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;
 use std::path::Path;
 
-/// A vertex as drawn: 48 bytes.
+/// A vertex as drawn: 60 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Vertex {
@@ -14,10 +15,14 @@ pub struct Vertex {
     pub normal: [f32; 3],
     /// Normalised lightmap coordinates in the page.
     pub lightmap: [f32; 2],
-    /// Linear diffuse albedo.
+    /// Linear diffuse albedo, or its factor where there is a texture.
     pub albedo: [f32; 3],
     /// Page of the lightmap; negative without one.
     pub page: f32,
+    /// Coordinates in the albedo's texture.
+    pub uv: [f32; 2],
+    /// Number of the albedo's texture; negative without one.
+    pub texture: f32,
 }
 
 /// A lamp volume as `scene.lit.glb` holds it.
@@ -36,6 +41,8 @@ pub struct Scene {
     pub single_sided: Vec<u32>,
     /// Triangles seen from both sides.
     pub double_sided: Vec<u32>,
+    /// What albedos are multiplied by.
+    pub textures: Textures,
     /// Boxes, world metres, where lamps may be.
     pub lamp_volumes: Vec<[[f64; 3]; 2]>,
 }
@@ -51,7 +58,11 @@ impl Scene {
         let file = gltf::Gltf::from_slice(&bytes).map_err(|e| fail(e.to_string()))?;
         let root_scene = file.default_scene().or_else(|| file.scenes().next());
         let root_scene = root_scene.ok_or_else(|| fail("has no scene".into()))?;
-        let mut scene = Self::default();
+        let blob = file.blob.as_deref();
+        let mut scene = Self {
+            textures: Textures::read(&file, blob.unwrap_or_default()).map_err(fail)?,
+            ..Self::default()
+        };
         if let Some(volumes) = extras(root_scene.extras()).get("lamp_volumes") {
             let volumes: Vec<LampVolume> = serde_json::from_value(volumes.clone())
                 .map_err(|e| fail(format!("scene extras: `lamp_volumes`: {e}")))?;
@@ -72,9 +83,7 @@ impl Scene {
             Quat::from_array(rotation),
             Vec3::ZERO,
         );
-        scene
-            .add(&root, upright, file.blob.as_deref())
-            .map_err(fail)?;
+        scene.add(&root, upright, blob).map_err(fail)?;
         Ok(scene)
     }
 
@@ -130,12 +139,24 @@ impl Scene {
             return Err("its attributes differ in length".into());
         }
         let material = primitive.material();
+        let base = material.pbr_metallic_roughness().base_color_texture();
+        let texture = base.as_ref().map_or(-1.0, |t| t.texture().index() as f32);
+        let uvs = match &base {
+            Some(info) => Textures::coordinates(info, &reader)?,
+            None => vec![[0.0; 2]; positions.len()],
+        };
+        if uvs.len() != positions.len() {
+            return Err("its attributes differ in length".into());
+        }
         let metallic = material.pbr_metallic_roughness().metallic_factor();
         let [r, g, b, _] = material.pbr_metallic_roughness().base_color_factor();
         let albedo = [r, g, b].map(|c| c * (1.0 - metallic));
         let normal_matrix = to_local.inverse().transpose();
         let base = self.vertices.len() as u32;
-        for ((position, normal), &lightmap) in positions.iter().zip(&normals).zip(&uv) {
+        let coordinates = uv.iter().zip(&uvs);
+        for ((position, normal), (&lightmap, &uv)) in
+            positions.iter().zip(&normals).zip(coordinates)
+        {
             let normal = normal_matrix.transform_vector3(Vec3::from(*normal));
             self.vertices.push(Vertex {
                 position: to_local.transform_point3(Vec3::from(*position)).into(),
@@ -143,6 +164,8 @@ impl Scene {
                 lightmap,
                 albedo,
                 page,
+                uv,
+                texture,
             });
         }
         let count = positions.len() as u32;

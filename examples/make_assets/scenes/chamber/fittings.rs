@@ -118,8 +118,9 @@ fn urn(mesh: &mut Mesh, foot: DVec3) {
         (0.12, 0.58),
         (0.1, 0.64),
     ];
-    let lip = [(0.1, 0.64), (0.15, 0.68), (0.0, 0.7)];
-    revolve(mesh, foot, &[&stem, &body, &lip], SEGMENTS + 2);
+    let lip = [(0.1, 0.64), (0.15, 0.68)];
+    let lid = [(0.15, 0.68), (0.0, 0.7)];
+    revolve(mesh, foot, &[&stem, &body, &lip, &lid], SEGMENTS + 2);
 }
 
 /// A curtain in folds, hung on a beam along z at `x`; the beam runs into the piers' abaci.
