@@ -117,6 +117,11 @@ fn run(dir: &Path, count: u32) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The larger of two differences; one that is not a number is infinite.
+fn larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
+
 fn one(
     gpu: &Gpu,
     prm: &Prm,
@@ -146,7 +151,7 @@ fn one(
     let pairs = expected.iter().zip(&points);
     let difference = pairs
         .flat_map(|(e, p)| (0..3).map(move |c| f64::from((e[c] - p[c]).abs())))
-        .fold(0.0, f64::max);
+        .fold(0.0, larger);
     let mut lightmap = 0.0_f64;
     for (page, texels) in prm.lightmap(&expected)?.iter().enumerate() {
         let layer = gpu::read_layer(gpu, runtime.lightmap().texture(), page as u32);
@@ -157,7 +162,7 @@ fn one(
             for c in 0..3 {
                 // A device may round to half precision either way: 2^-10 of the value.
                 let excess = (found[c] - texel[c]).abs() - texel[c] / 1024.0;
-                lightmap = lightmap.max(f64::from(excess));
+                lightmap = larger(lightmap, f64::from(excess));
             }
         }
     }
