@@ -39,13 +39,13 @@ pub fn bevelled(mesh: &mut Mesh, centre: DVec3, half: DVec3, bevel: f64, degrees
         centre + turn * (s * (half - inset))
     };
     let signs = [-1.0, 1.0];
-    for axis in 0..3 {
+    for (axis, across) in AXES.into_iter().enumerate() {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        let octant = |a: f64, b: f64, c: f64| AXES[axis] * a + AXES[u] * b + AXES[v] * c;
+        let octant = |a: f64, b: f64, c: f64| across * a + AXES[u] * b + AXES[v] * c;
         for a in signs {
             let face = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
             let corners = face.map(|(b, c)| vertex(octant(a, b, c), axis));
-            mesh.polygon(&corners, turn * (AXES[axis] * a));
+            mesh.polygon(&corners, turn * (across * a));
             for b in signs {
                 // The edge between the faces across `axis` and `u`.
                 let ends = signs.map(|c| octant(a, b, c));
@@ -55,7 +55,7 @@ pub fn bevelled(mesh: &mut Mesh, centre: DVec3, half: DVec3, bevel: f64, degrees
                     vertex(ends[1], u),
                     vertex(ends[0], u),
                 ];
-                mesh.polygon(&corners, turn * (AXES[axis] * a + AXES[u] * b));
+                mesh.polygon(&corners, turn * (across * a + AXES[u] * b));
                 if axis == 0 {
                     for s in ends {
                         mesh.polygon(&[0, 1, 2].map(|k| vertex(s, k)), turn * s);
