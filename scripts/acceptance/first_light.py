@@ -40,8 +40,8 @@ def compared():
     """PRM at defaults against the reference over 64 lamp poses."""
     out = bakes.worked()
     run(
-        [baker(), "verify", "--manifest", bakes.manifest(), "--poses", 64, "--points", 256]
-        + ["--paths", 4096]
+        [baker(), "verify", "--manifest", bakes.manifest(), "--poses", 64, "--points", 128]
+        + ["--paths", 1024]
     )
     rows = []
     for scene, target in TARGETS.items():
@@ -64,7 +64,7 @@ def compared():
                 f"+-{middle['interval']:.2%}, bias {middle['relative_bias']:+.2%}; median near "
                 f"surfaces {found['median_near']:.2%}; reference noise median "
                 f"{sorted(p['reference_noise'] for p in poses)[len(poses) // 2]:.2%}, worst pose "
-                f"{worst['reference_noise']:.2%}; 256 points, 4096 paths",
+                f"{worst['reference_noise']:.2%}; 128 points, 1024 paths",
             )
         )
     return rows

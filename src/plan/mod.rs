@@ -70,23 +70,55 @@ pub fn atlas_options(spec: &SceneSpec) -> AtlasOptions {
     }
 }
 
+/// Most bytes that a preset's number of cells may make of an asset if every block sees every cell.
+/// Above it the preset takes fewer cells; `cells` in the manifest takes what it says.
+pub const DENSE_BYTES: u64 = 1 << 30;
+
+/// What a preset stands for.
+struct Defaults {
+    samples: u32,
+    /// Entry cells a square metre of surface, and the least and most of them.
+    density: f64,
+    cells: [u32; 2],
+}
+
 /// Parameters of a bake: the preset's, then what the manifest overrides. `surface`: m² that light
-/// can meet.
-pub fn parameters(spec: &BakeSpec, surface: f64) -> Parameters {
-    let (samples, cells) = match spec.preset.unwrap_or_default() {
-        Preset::Draft => (128, 128),
-        Preset::Normal => (1024, 512),
-        Preset::High => (4096, 1024),
+/// can meet; `points`: reference points.
+///
+/// The error that cells leave falls with their size, not their number: a preset asks for so many a
+/// square metre, within bounds, and within [`DENSE_BYTES`].
+pub fn parameters(spec: &BakeSpec, surface: f64, points: u64) -> Parameters {
+    let defaults = match spec.preset.unwrap_or_default() {
+        Preset::Draft => Defaults {
+            samples: 128,
+            density: 1.0,
+            cells: [128, 256],
+        },
+        Preset::Normal => Defaults {
+            samples: 1024,
+            density: 4.0,
+            cells: [512, 2048],
+        },
+        Preset::High => Defaults {
+            samples: 4096,
+            density: 16.0,
+            cells: [1024, MAX_CELLS],
+        },
     };
     let entries_per_cell = spec.entries_per_cell.unwrap_or(16);
+    let affordable = DENSE_BYTES / (6 * points.max(1));
+    let [least, most] = defaults.cells.map(f64::from);
+    let preset = (defaults.density * surface)
+        .clamp(least, most)
+        .min(affordable.max(1) as f64);
     let from_density = spec.entry_density.map(|density| {
         let cells = (density * surface / f64::from(entries_per_cell)).ceil();
         cells.clamp(1.0, f64::from(MAX_CELLS)) as u32
     });
     Parameters {
-        samples: spec.samples.unwrap_or(samples),
+        samples: spec.samples.unwrap_or(defaults.samples),
         bounces: spec.bounces.unwrap_or(3),
-        cells: spec.cells.or(from_density).unwrap_or(cells),
+        cells: spec.cells.or(from_density).unwrap_or(preset as u32),
         entries_per_cell,
     }
 }
@@ -104,7 +136,7 @@ pub fn jobs(spec: &SceneSpec, scene: &Scene, domain: &Domain) -> Vec<Job> {
         .iter()
         .map(|bake| {
             let Technique::Prm = bake.technique;
-            let parameters = parameters(bake, surface);
+            let parameters = parameters(bake, surface, domain.points.len() as u64);
             let points = domain.points.len() as u64;
             let walked = points * u64::from(parameters.samples) * u64::from(parameters.bounces);
             let blocks = points.div_ceil(LANES as u64);

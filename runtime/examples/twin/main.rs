@@ -11,7 +11,11 @@ mod segments;
 #[path = "../../tests/gpu.rs"]
 mod gpu;
 #[path = "../headless/scene.rs"]
+#[allow(dead_code, reason = "the twin reads geometry and draws nothing")]
 mod scene;
+#[path = "../headless/texture.rs"]
+#[allow(dead_code, reason = "the twin reads geometry and draws nothing")]
+mod texture;
 
 use glam::Vec3;
 use lightkiln_format::lighting::Light;
