@@ -9,7 +9,7 @@ use lightkiln::scene::material::Material;
 use lightkiln::trace::emitters::{Emitters, Receiver};
 use lightkiln::trace::path::{self, Options, Part};
 use lightkiln::trace::sampler::{mix, sobol, triangle};
-use lightkiln::trace::{Build, NO_TRIANGLE, Ray, Tracer};
+use lightkiln::trace::{Build, Tracer};
 use lightkiln_format::lighting::Light;
 
 /// Points spread over the triangles of a scene's material 0, front side.

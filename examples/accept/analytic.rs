@@ -35,7 +35,7 @@ const DIRECTIONS: [DVec3; 4] = [
 ];
 
 /// The parameters of a `[[scene.bake]]` that says nothing.
-fn defaults(scene: &Scene) -> Parameters {
+fn defaults(scene: &Scene, domain: &Domain) -> Parameters {
     let surface = (0..scene.triangles.len() as u32)
         .map(|t| 0.5 * f64::from(scene.double_area_normal(t).length()))
         .sum();
@@ -48,14 +48,14 @@ fn defaults(scene: &Scene) -> Parameters {
         entries_per_cell: None,
         entry_density: None,
     };
-    plan::parameters(&spec, surface)
+    plan::parameters(&spec, surface, domain.points.len() as u64)
 }
 
 fn bake(tracer: &Tracer) -> Result<(Domain, Baked)> {
     let progress = Progress::default();
     let scene = tracer.scene();
     let domain = Domain::atlas(scene, &AtlasOptions::default(), &progress)?;
-    let baked = prm::bake(tracer, &domain, &defaults(scene), &progress)?;
+    let baked = prm::bake(tracer, &domain, &defaults(scene, &domain), &progress)?;
     Ok((domain, baked))
 }
 
