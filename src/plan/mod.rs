@@ -95,9 +95,9 @@ pub fn parameters(spec: &BakeSpec, surface: f64, points: u64) -> Parameters {
             cells: [128, 256],
         },
         Preset::Normal => Defaults {
-            samples: 1024,
-            density: 4.0,
-            cells: [512, 2048],
+            samples: 2048,
+            density: 5.0,
+            cells: [512, 2560],
         },
         Preset::High => Defaults {
             samples: 4096,
